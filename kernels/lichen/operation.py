@@ -1,0 +1,343 @@
+"""What an operation is: the one declaration from which everything else is derived.
+
+An operation's file declares its parameters, inputs, footprint, identity, working light, methods with their knobs, its
+truth and its hard cases. Validation, JSON Schema, the command line, the HTTP routes, the generic tests, the benchmarks
+and the accuracy tables read that declaration; none of them knows any operation by name.
+
+The parts, in the order a reader meets them:
+
+* `OperationParameters`: a frozen pydantic model; units are annotations (`Pixels`, `Degrees`).
+* `Input`: a named image the operation reads.
+* `Footprint`: which input pixels an output pixel depends on.
+* `Facts`: what is known of an image without its pixels; predictions are made from facts alone.
+* `Method`: one way to compute the operation, on every backend, with the error it can make and the work it takes.
+* `HardCase`: an input that breaks naive code, and what must hold.
+* `Operation`: all of these under one name.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, Protocol, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from lichen.errors import Flaw, InvalidRequest, nearest
+from lichen.image import Alpha, Extent, Image, Space
+from lichen.memory import Array
+
+if TYPE_CHECKING:
+    from lichen.opencl.device import Device
+
+# ---------------------------------------------------------------------------------------------------- parameters
+
+Pixels = Annotated[float, Field(json_schema_extra={"unit": "px"})]
+Degrees = Annotated[float, Field(json_schema_extra={"unit": "deg"})]
+
+
+class Border(StrEnum):
+    """How an image continues beyond its edge, for the row a b c d."""
+
+    REFLECT = "reflect"
+    """c b a | a b c d | d c b (half-sample symmetric)"""
+    REFLECT101 = "reflect101"
+    """d c b | a b c d | c b a (whole-sample symmetric)"""
+    CLAMP = "clamp"
+    """a a a | a b c d | d d d"""
+    WRAP = "wrap"
+    """b c d | a b c d | a b c"""
+    CONSTANT = "constant"
+    """v v v | a b c d | v v v"""
+
+
+class OperationParameters(BaseModel):
+    """Base of every operation's parameters: frozen, no unknown fields, no NaN or infinity."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+
+
+P = TypeVar("P", bound=OperationParameters)
+
+# -------------------------------------------------------------------------------------------- inputs and geometry
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """An image the operation reads.
+
+    `channels` is the smallest and the largest channel count it takes (None: no upper end). An input that is a
+    picture takes part in the operation's working light; one that is data (a field, a table) never does.
+    """
+
+    name: str
+    description: str = ""
+    channels: tuple[int, int | None] = (1, None)
+    required: bool = True
+    picture: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Footprint:
+    """The output pixel (x, y) depends on inputs within `rows` above and below and `columns` left and right.
+
+    None means the whole extent in that direction.
+    """
+
+    rows: int | None
+    columns: int | None
+
+
+POINTWISE = Footprint(0, 0)
+WHOLE = Footprint(None, None)
+
+
+def halo(radius: int) -> Footprint:
+    return Footprint(radius, radius)
+
+
+class Light(StrEnum):
+    """In which light the definition of an operation holds."""
+
+    LINEAR = "linear"
+    """sums of light: pictures are brought to scene-linear, associated alpha before, and back after"""
+    STORED = "stored"
+    """the numbers as they are"""
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What is known of an image without its pixels."""
+
+    height: int
+    width: int
+    channels: int
+    space: Space = Space.DATA
+    alpha: Alpha = Alpha.NONE
+    extent: Extent = Extent(0.0, 1.0, 0)
+
+    @property
+    def pixels(self) -> int:
+        return self.height * self.width
+
+    @property
+    def samples(self) -> int:
+        return self.height * self.width * self.channels
+
+    @classmethod
+    def of(cls, image: Image) -> Facts:
+        return cls(image.height, image.width, image.channels, image.space, image.alpha, image.extent)
+
+
+Inputs = Mapping[str, Image]
+InputFacts = Mapping[str, Facts]
+
+# ------------------------------------------------------------------------------------------------- error and work
+
+
+@dataclass(frozen=True, slots=True)
+class Error:
+    """The largest absolute difference from truth, in output units, over all finite pixels, borders included.
+
+    `kind` says how it is known: a `bound` is proved, an `estimate` comes from a calibration corpus, and a `measured`
+    error was found on this very image.
+    """
+
+    value: float
+    kind: Literal["bound", "estimate", "measured"]
+
+    def __str__(self) -> str:
+        return f"{self.value:.3g} ({self.kind})"
+
+
+EXACT = Error(0.0, "bound")
+ROUNDING = float(np.finfo(np.float32).eps) / 2
+"""Unit roundoff of float32: the largest relative error of one correctly rounded operation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """A number that trades accuracy for time inside a method. `values` is its sweep, cheapest first."""
+
+    name: str
+    values: tuple[float, ...]
+    description: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """Predicted seconds of a method on one backend: `start` + `step` x work."""
+
+    start: float
+    step: float
+
+
+class Implementation(Protocol[P]):
+    """The bodies of a method: a class without state whose two functions return an array of the output's shape."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, parameters: P, knob: float) -> Array: ...
+
+    @staticmethod
+    def numpy(inputs: Inputs, parameters: P, knob: float) -> Array: ...
+
+
+@dataclass(frozen=True)
+class Method(Generic[P]):
+    """One way to compute an operation.
+
+    `error` and `work` predict from parameters, knob and facts alone; `unfit` gives the reason why the method cannot
+    take a case, or None. `work` counts the method's own elementary steps (multiply-adds, samples); `rates` turn it
+    into seconds per backend, as measured.
+    """
+
+    name: str
+    description: str
+    implementation: type[Implementation[P]]
+    error: Callable[[P, float, InputFacts], Error]
+    work: Callable[[P, float, InputFacts], float]
+    rates: Mapping[str, Rate]
+    knob: Knob | None = None
+    unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None
+
+    def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
+        rate = self.rates[backend]
+        return rate.start + rate.step * self.work(parameters, knob, facts)
+
+
+# ------------------------------------------------------------------------------------------------------ hard cases
+
+
+@dataclass(frozen=True)
+class HardCase:
+    """An input that breaks naive code.
+
+    `inputs` makes the images (arrays or `Image`s by input name); `holds` receives them and the result's pixels and
+    returns what is wrong, or None. Every method is held to it on every backend.
+    """
+
+    name: str
+    why: str
+    inputs: Callable[[], Mapping[str, Any]]
+    parameters: Mapping[str, Any]
+    holds: Callable[[Mapping[str, Any], Array], str | None]
+    methods: tuple[str, ...] | None = None
+    """the methods it is meant for; None means all"""
+
+
+# -------------------------------------------------------------------------------------------------------- operation
+
+
+def _first(facts: InputFacts) -> Facts:
+    return next(iter(facts.values()))
+
+
+@dataclass(eq=False)
+class Operation(Generic[P]):
+    """One named image function. Immutable once its file is loaded."""
+
+    name: str
+    family: str
+    summary: str
+    parameters: type[P]
+    inputs: tuple[Input, ...]
+    light: Light
+    footprint: Callable[[P, InputFacts], Footprint]
+    identity: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None
+    """the reason why the output equals the first input bit for bit, or None"""
+    result: Callable[[P, InputFacts], Facts] = lambda parameters, facts: _first(facts)
+    """facts of the output; its extent must contain every finite output value"""
+    propagate: Callable[[P, InputFacts, float], float] = lambda parameters, facts, error: error
+    """the largest change of the output when the first input changes by at most `error` (the modulus of continuity)"""
+    wants_alpha: Alpha | None = None
+    """the kind of alpha the definition holds for, where the input has one; None: alpha is a channel like the others"""
+    check: Callable[[P, InputFacts], list[Flaw]] = lambda parameters, facts: []
+    """flaws that only parameters and inputs together show, found before any pixel is computed"""
+    hard_cases: tuple[HardCase, ...] = ()
+    description: str = ""
+    methods: dict[str, Method[P]] = field(default_factory=dict, init=False)
+    _truth: Callable[[Inputs, P], Array] | None = field(default=None, init=False)
+
+    def truth(self, function: Callable[[Inputs, P], Array]) -> Callable[[Inputs, P], Array]:
+        """Decorator: the float64 definition. It receives float64 images and returns a float64 array."""
+        self._truth = function
+        return function
+
+    def method(
+        self,
+        name: str,
+        *,
+        error: Callable[[P, float, InputFacts], Error],
+        work: Callable[[P, float, InputFacts], float],
+        rates: Mapping[str, Rate],
+        knob: Knob | None = None,
+        unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None,
+    ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
+        """Class decorator: registers a method; its docstring is the method's description."""
+
+        def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
+            description = " ".join((implementation.__doc__ or "").split())
+            self.methods[name] = Method(name, description, implementation, error, work, rates, knob, unfit)
+            return implementation
+
+        return register
+
+    def evaluate_truth(self, inputs: Inputs, parameters: P) -> Array:
+        """The exact result as float64, shape (height, width, channels)."""
+        if self._truth is None:
+            raise TypeError(f"operation {self.name} declares no truth")
+        doubled = {name: image.replace(pixels=image.pixels.astype(np.float64)) for name, image in inputs.items()}
+        return self._truth(doubled, parameters)
+
+    @property
+    def knobs(self) -> dict[str, Knob]:
+        """Knobs of all methods by name; methods that share a name share its meaning."""
+        return {method.knob.name: method.knob for method in self.methods.values() if method.knob}
+
+    def validate(self, values: Mapping[str, Any]) -> P:
+        """Parameters from a mapping. Raises `InvalidRequest` naming every bad field at once.
+
+        Text is accepted for every field, as a URL gives it: numbers and enumerations plain, vectors and matrices as
+        JSON.
+        """
+        fields = self.parameters.model_fields
+        prepared = {name: _from_text(value) if name in fields else value for name, value in values.items()}
+        try:
+            return self.parameters.model_validate(prepared)
+        except ValidationError as invalid:
+            flaws = [
+                Flaw(
+                    "/parameters/" + "/".join(str(part) for part in problem["loc"]),
+                    f"is not a parameter of {self.name}; {nearest(str(problem['loc'][0]), fields)}"
+                    if problem["type"] == "extra_forbidden"
+                    else _sentence(problem["msg"], problem.get("input"), problem["type"]),
+                )
+                for problem in invalid.errors(include_url=False, include_context=False)
+            ]
+            raise InvalidRequest(f"{len(flaws)} parameter(s) of {self.name} are not valid.", flaws) from None
+
+    def schema(self) -> dict[str, Any]:
+        """JSON Schema (2020-12) of the parameters."""
+        return self.parameters.model_json_schema()
+
+
+def _from_text(value: Any) -> Any:
+    """Text that is a JSON array or object is parsed; everything else is left to the model."""
+    if isinstance(value, str) and value[:1] in ("[", "{"):
+        try:
+            return json.loads(value)
+        except ValueError:
+            return value
+    return value
+
+
+def _sentence(message: str, value: Any, kind: str) -> str:
+    if kind == "missing":
+        return "is required"
+    shown = repr(value)
+    return f"{message[:1].lower()}{message[1:]} (got {shown if len(shown) <= 60 else shown[:57] + '...'})"

@@ -1,0 +1,74 @@
+"""The values that cross the border between the wire and the routes.
+
+`Head` is what is known before the body is read; `Request` adds the body; `Response` goes back. They hold plain data,
+so routes are tested without a socket and the wire without an image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+Body = bytes | bytearray | memoryview
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """A request whose head passed the wire's rules."""
+
+    method: str
+    path: str
+    """percent-decoded, always starting with a slash"""
+    query: tuple[tuple[str, str], ...]
+    """decoded pairs in the order given, repeats kept"""
+    headers: Mapping[str, str]
+    """lower-case names; repeated fields joined with a comma"""
+    request_id: str
+    received: float
+    """`time.monotonic()` when the head was complete"""
+    deadline: float
+    """`time.monotonic()` by which the answer must be ready"""
+    peer: str = ""
+
+    @property
+    def length(self) -> int | None:
+        """Declared bytes of the body; None when it comes in chunks."""
+        if "transfer-encoding" in self.headers:
+            return None
+        return int(self.headers.get("content-length", 0))
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    head: Head
+    body: Body
+
+
+@dataclass(slots=True)
+class Response:
+    status: int
+    body: Body = b""
+    headers: dict[str, str] = field(default_factory=dict)
+    log: dict[str, object] = field(default_factory=dict)
+    """fields for the access log that only the route knows: operation, pixels, method, device, queue and work time"""
+
+
+@dataclass(frozen=True, slots=True)
+class Admission:
+    """The routes' word that the body of this request may be read."""
+
+    largest_body: int
+    """bytes; more than this is refused with 413 while it arrives"""
+
+
+class Application(Protocol):
+    """What the wire asks of the service."""
+
+    def admit(self, head: Head) -> Admission | Response:
+        """Called before a byte of the body is read, on the selector thread: quick, no image work."""
+
+    def handle(self, request: Request) -> Response:
+        """Called on a pool thread. Raises nothing the wire has to understand: any escape becomes a 500."""
+
+
