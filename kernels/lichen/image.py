@@ -21,7 +21,6 @@ from lichen.errors import Flaw, InvalidRequest
 from lichen.memory import Array, aligned, aligned_empty
 
 
-
 class Space(StrEnum):
     """What the numbers in the colour channels mean."""
 

@@ -70,5 +70,3 @@ class Application(Protocol):
 
     def handle(self, request: Request) -> Response:
         """Called on a pool thread. Raises nothing the wire has to understand: any escape becomes a 500."""
-
-
