@@ -1,0 +1,81 @@
+# Everything a person does with this tree. `make` alone lists it.
+
+PYTHON ?= python3
+VENV ?= .venv
+HOST ?= 127.0.0.1
+PORT ?= 8080
+ARGS ?=
+
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check --no-input
+# What an installation depends on. A stamp is written when all of it is in place, so that a second run does nothing.
+SOURCES := pyproject.toml Makefile .ci/install-system .ci/system-packages.txt
+COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate $(ARGS)
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help install develop serve test lint format bench audit lock container-test clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z][a-z-]*\):[^#]*## */  make \1 @/p' $(firstword $(MAKEFILE_LIST)) | awk -F@ '{ printf "%-24s%s\n", $$1, $$2 }'
+	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) ARGS=... (handed on to the tool)"
+
+install: $(VENV)/.runtime ## install what serving needs: system packages, .venv, pinned Python packages
+
+develop: $(VENV)/.development ## install what testing needs besides
+
+serve: $(VENV)/.runtime ## start the service on http://HOST:PORT, after installing what is missing
+	@exec $(BIN)/lichen serve --host $(HOST) --port $(PORT) $(ARGS)
+
+test: lint ## check style and types, then run every test
+	@$(BIN)/python -m pytest $(ARGS)
+
+lint: $(VENV)/.development ## check style, types, the order of imports and the Containerfile
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/ruff format --quiet --check .
+	@$(BIN)/mypy --no-error-summary
+	@$(BIN)/lint-imports --no-logo
+	@$(BIN)/hadolint Containerfile
+
+format: $(VENV)/.development ## bring the source into the house style
+	@$(BIN)/ruff check --quiet --fix .
+	@$(BIN)/ruff format --quiet .
+
+bench: $(VENV)/.development ## measure speed and error beside the peers
+	@$(BIN)/python -m tests.benchmarks $(ARGS)
+
+audit: $(VENV)/.development ## look up the locked packages in the databases of known vulnerabilities
+	@$(BIN)/pip-audit --require-hashes --disable-pip --requirement requirements.lock $(ARGS)
+
+lock: $(VENV)/.development ## pin what pyproject.toml asks for (ARGS=--upgrade takes the newest)
+	@$(COMPILE) pyproject.toml --group build --output-file requirements.lock
+	@$(COMPILE) pyproject.toml --group dev --constraints requirements.lock --output-file requirements-dev.lock
+
+container-test: ## build the container image, serve from it read-only as an ordinary user, and ask it for a picture
+	@.ci/container-test
+
+clean: ## remove everything that was installed or built here
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +
+	find . -name '*.egg-info' -prune -exec rm -rf {} +
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "Lichen needs Python 3.11 or newer; name one with PYTHON=..." >&2; exit 1; }
+	@$(PYTHON) -m venv --clear $(VENV) || \
+		{ echo "$(PYTHON) cannot make a virtual environment; on Debian and Ubuntu: apt-get install python3-venv" >&2; exit 1; }
+
+# The package itself is installed from the tree, without its dependencies (the lock has them) and without build isolation
+# (the lock has the build tool too): no step picks a version by itself.
+$(VENV)/.runtime: requirements.lock $(SOURCES)
+	@PYTHON=$(PYTHON) .ci/install-system
+	@$(MAKE) --no-print-directory $(BIN)/python
+	@echo "Installing the Python packages of requirements.lock into $(VENV)"
+	@$(PIP) install --require-hashes --only-binary :all: --requirement requirements.lock
+	@$(PIP) install --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(VENV)/.development: requirements-dev.lock $(VENV)/.runtime
+	@echo "Installing the Python packages of requirements-dev.lock into $(VENV)"
+	@$(PIP) install --require-hashes --only-binary :all: --requirement requirements-dev.lock
+	@touch $@
