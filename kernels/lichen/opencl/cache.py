@@ -1,0 +1,58 @@
+"""Where the OpenCL runtime keeps the kernels it has compiled.
+
+PoCL compiles to shared objects in a folder and loads them from there. Where that folder cannot be written the device
+vanishes, and where its file system forbids execution the process ends with a segmentation fault, so both are
+checked before the runtime is touched.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+import platformdirs
+
+_log = logging.getLogger("lichen")
+
+
+class NoCache(Exception):
+    """No folder will do; the text says which were tried and what is wrong with each."""
+
+
+def flaw(folder: Path) -> str | None:
+    """What makes `folder` unfit for compiled kernels, or None. Creates it where it does not exist."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        return f"cannot be written ({error.strerror})"
+    if hasattr(os, "ST_NOEXEC") and os.statvfs(folder).f_flag & os.ST_NOEXEC:
+        return "lies on a file system mounted noexec"
+    return None
+
+
+def prepare() -> Path:
+    """A folder fit for compiled kernels: `POCL_CACHE_DIR` if set, else the user's cache, else a temporary one.
+
+    A temporary folder is removed when the process ends. Raises `NoCache`.
+    """
+    named = os.environ.get("POCL_CACHE_DIR")
+    wanted = Path(named) if named else platformdirs.user_cache_path("lichen") / "pocl"
+    wrong = flaw(wanted)
+    if wrong is None:
+        return wanted
+    try:
+        spare = Path(tempfile.mkdtemp(prefix="lichen-pocl-"))
+    except OSError as error:
+        raise NoCache(f"{wanted} {wrong}, and there is no temporary folder ({error.strerror})") from error
+    atexit.register(shutil.rmtree, spare, ignore_errors=True)
+    wrong_too = flaw(spare)
+    if wrong_too is not None:
+        raise NoCache(f"{wanted} {wrong}, and {spare} {wrong_too}")
+    _log.warning("compiled kernels are kept in %s until the process ends: %s %s", spare, wanted, wrong)
+    return spare

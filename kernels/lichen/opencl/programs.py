@@ -1,0 +1,154 @@
+"""Kernel sources, and the programs and kernels built from them.
+
+Rules:
+
+* A source is found by its path relative to `operations/`, then to this folder. `#include "x.clh"` is resolved here,
+  once per header, so the text that is built is the text that is hashed: a changed header is a changed program.
+* Every program is OpenCL C 1.2 and starts with `FP_CONTRACT OFF`. PoCL contracts `a * b + c` on its own otherwise, and
+  what it contracts may depend on how a kernel was vectorised; kernels that want a fused step write `fma`.
+  No relaxed mathematics: NaN and infinity mean what they say.
+* A program is built once per (source text, definitions) and shared. A kernel object carries its arguments, so every
+  thread has its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import re
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lichen.errors import DeviceFailure
+
+if TYPE_CHECKING:
+    import pyopencl as cl
+
+_HERE = Path(__file__).resolve().parent
+ROOTS = (_HERE.parent / "operations", _HERE)
+"""Where sources are looked for, in this order."""
+INCLUDE = _HERE / "include"
+OPTIONS = ("-cl-std=CL1.2",)
+
+Definitions = Mapping[str, int | float | str]
+"""Preprocessor names and values; a float becomes an exact float32 literal, text is taken as it is."""
+
+_INCLUDE_LINE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"[ \t]*$')
+_log = logging.getLogger("lichen")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A source with its headers in place."""
+
+    name: str
+    text: str
+    digest: str
+
+
+@cache
+def load(name: str) -> Source:
+    """The source called `name`, headers resolved. Read once per process. Raises `DeviceFailure`."""
+    path = next((root / name for root in ROOTS if (root / name).is_file()), None)
+    if path is None:
+        raise DeviceFailure(f"There is no kernel source {name}.")
+    lines = ["#pragma OPENCL FP_CONTRACT OFF", *_resolved(path, name, set())]
+    text = "\n".join(lines) + "\n"
+    return Source(name, text, hashlib.sha256(text.encode()).hexdigest())
+
+
+def _resolved(path: Path, name: str, seen: set[Path]) -> list[str]:
+    """The lines of a file with its includes in their place, marked so that build logs name file and line."""
+    seen.add(path.resolve())
+    lines = [f'#line 1 "{name}"']
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        include = _INCLUDE_LINE.match(line)
+        if include is None:
+            lines.append(line)
+            continue
+        wanted = include.group(1)
+        found = next((folder / wanted for folder in (INCLUDE, path.parent) if (folder / wanted).is_file()), None)
+        if found is None:
+            raise DeviceFailure(f"{name}, line {number}, includes {wanted}, which does not exist.")
+        if found.resolve() not in seen:
+            lines += _resolved(found, wanted, seen)
+            lines.append(f'#line {number + 1} "{name}"')
+        else:
+            lines.append("")
+    return lines
+
+
+def _option(name: str, value: int | float | str) -> str:
+    if isinstance(value, float):
+        return f"-D{name}={value.hex()}f"
+    return f"-D{name}={int(value) if isinstance(value, bool) else value}"
+
+
+class Programs:
+    """The programs of one device. Safe to use from any thread."""
+
+    def __init__(self, context: cl.Context, device: cl.Device) -> None:
+        self._context = context
+        self._device = device
+        self._built: dict[tuple[str, tuple[str, ...]], cl.Program] = {}
+        self._lock = threading.Lock()
+        self._own = threading.local()
+
+    def kernel(self, source: str, name: str, defines: Definitions) -> cl.Kernel:
+        """This thread's kernel object. Raises `DeviceFailure` naming source and kernel, with the build log."""
+        kernels: dict[object, cl.Kernel] = self._own.__dict__.setdefault("kernels", {})
+        key = (source, name, tuple(sorted(defines.items())))
+        kernel = kernels.get(key)
+        if kernel is None:
+            kernel = kernels[key] = self._create(source, name, defines)
+        return kernel
+
+    def build(self, source: str, defines: Definitions) -> cl.Program:
+        """The program of a source, built at most once."""
+        loaded = load(source)
+        key = (loaded.digest, tuple(_option(*item) for item in sorted(defines.items())))
+        program = self._built.get(key)
+        if program is None:
+            with self._lock:
+                program = self._built.get(key)
+                if program is None:
+                    program = self._built[key] = self._compile(loaded, key[1])
+        return program
+
+    def _create(self, source: str, name: str, defines: Definitions) -> cl.Kernel:
+        import pyopencl as cl
+
+        program = self.build(source, defines)
+        try:
+            return cl.Kernel(program, name)
+        except cl.Error as error:
+            known = ", ".join(sorted(kernel.function_name for kernel in program.all_kernels()))
+            raise DeviceFailure(f"{source} has no kernel {name} (it has {known}): {error}") from error
+
+    def _compile(self, source: Source, definitions: tuple[str, ...]) -> cl.Program:
+        import pyopencl as cl
+
+        program = cl.Program(self._context, source.text)
+        try:
+            program.build([*OPTIONS, *definitions])
+        except cl.Error as error:
+            log = self._build_log(program) or str(error)
+            given = f" with {' '.join(definitions)}" if definitions else ""
+            raise DeviceFailure(f"{source.name} could not be built{given}:\n{log}") from error
+        log = self._build_log(program)
+        if log:
+            _log.debug("building %s: %s", source.name, log)
+        return program
+
+    def _build_log(self, program: cl.Program) -> str:
+        import pyopencl as cl
+
+        try:
+            log = program.get_build_info(self._device, cl.program_build_info.LOG)  # type: ignore[no-untyped-call]
+        except cl.Error:
+            return ""
+        return str(log).strip("\0 \n")

@@ -1,0 +1,239 @@
+"""A session: kernels launched in order on host arrays, and everything they use kept alive until they are done.
+
+Theory. A CPU device reads host memory in place, so an aligned array becomes a buffer without a copy; a GPU keeps its
+own copy and brings it back when the buffer is mapped. Launches only enqueue; the work is waited for once, when the
+session ends. Kernel arguments do not keep a buffer alive and a buffer dropped while in use ends the process, so the
+session holds every buffer and every array, and lets go only after the queue is empty, whatever was raised meanwhile.
+
+Rules:
+
+* A session belongs to the thread that opened it; sessions of several threads run side by side.
+* Between entering and leaving, the host neither writes an array it has handed over nor reads one that is written.
+* One array is one buffer. Arrays that overlap without being the same may be read, never written.
+* An array that is not aligned or not C-ordered is copied, and copied back if it is written: correct, but slower.
+* Work-group sizes are few and fixed, since PoCL compiles a kernel again for each new one. Grids are padded up to them,
+  so every kernel checks its bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType, TracebackType
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from lichen.errors import DeviceFailure
+from lichen.memory import ALIGNMENT, Array, aligned_empty
+from lichen.opencl.programs import Definitions
+
+if TYPE_CHECKING:
+    import pyopencl as cl
+
+    from lichen.opencl.device import Device
+
+LOCAL: Mapping[int, tuple[int, ...]] = MappingProxyType({1: (64,), 2: (64, 1), 3: (64, 1, 1)})
+"""Work-group size by number of dimensions, where the caller names none."""
+_abandoned: list[object] = []
+"""What a failed device may still be using; dropping it could end the process."""
+_NO_DEFINES: Definitions = MappingProxyType({})
+
+
+@dataclass(eq=False, slots=True)
+class Held:
+    """An array inside a session: the memory the device uses, its buffer, and whether the device writes it."""
+
+    array: Array
+    memory: Array
+    buffer: cl.Buffer
+    first: int
+    end: int
+    written: bool = False
+
+    @property
+    def copied(self) -> bool:
+        return self.memory is not self.array
+
+
+Argument: TypeAlias = "Held | Array | np.generic | None"
+"""What a kernel takes: an array (read), a held array, a NumPy scalar by value, or None for a null pointer."""
+
+
+class Session:
+    """Use as a context manager; get one from `Device.session()`."""
+
+    def __init__(self, device: Device) -> None:
+        import pyopencl as cl
+
+        self._device = device
+        self._queue = cl.CommandQueue(device.context, device.opencl)
+        self._held: dict[tuple[int, int, tuple[int, ...]], Held] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if error is None:
+                self.finish()
+        finally:
+            self._release()
+
+    # ------------------------------------------------------------------------------------------------ arrays
+
+    def read(self, array: Array) -> Held:
+        """The array as something kernels read."""
+        return self._hold(array, needed=True)
+
+    def write(self, array: Array) -> Held:
+        """The array as something kernels write; what they leave unwritten is undefined."""
+        return self._writable(array, needed=False)
+
+    def readwrite(self, array: Array) -> Held:
+        """The array as something kernels both read and write, or write in parts."""
+        return self._writable(array, needed=True)
+
+    def scratch(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.float32) -> Array:
+        """An uninitialised aligned array for values between launches; pass it by `write`, then by `read`."""
+        return aligned_empty(shape, dtype)
+
+    # ---------------------------------------------------------------------------------------------- launches
+
+    def launch(
+        self,
+        source: str,
+        kernel: str,
+        grid: tuple[int, ...],
+        /,
+        *arguments: Argument,
+        local: tuple[int, ...] | None = None,
+        defines: Definitions = _NO_DEFINES,
+    ) -> None:
+        """Enqueue `kernel` of `source` over `grid` work-items, padded up to whole work-groups.
+
+        `local` is the work-group size (None: `LOCAL`); name (1,) or (1, 1) where one item does a lot of work,
+        such as a whole segment of a row.
+        Raises `DeviceFailure` naming source and kernel, with the build log where there is one.
+        """
+        import pyopencl as cl
+
+        group = local or LOCAL[len(grid)]
+        padded = tuple(-(-size // step) * step for size, step in zip(grid, group, strict=True))
+        if 0 in padded:
+            return
+        built = self._device.programs.kernel(source, kernel, defines)
+        values = [self._value(argument, f"{source}, {kernel}, argument {at}") for at, argument in enumerate(arguments)]
+        if len(values) != built.num_args:
+            raise TypeError(f"{source}, {kernel}: takes {built.num_args} arguments, got {len(values)}")
+        try:
+            for at, value in enumerate(values):
+                built.set_arg(at, value)
+        except cl.Error as error:
+            given = type(values[at]).__name__
+            raise DeviceFailure(f"Kernel {kernel} of {source} refuses argument {at} ({given}): {error}") from error
+        try:
+            cl.enqueue_nd_range_kernel(self._queue, built, padded, group)
+        except cl.Error as error:
+            raise DeviceFailure(f"Kernel {kernel} of {source} could not be launched: {error}") from error
+
+    def finish(self) -> None:
+        """Wait for everything launched so far; the host may then read what was written. Other threads run meanwhile."""
+        import pyopencl as cl
+
+        outputs = [held for held in self._held.values() if held.written]
+        try:
+            mapped = [self._map(held) for held in outputs]
+            self._queue.finish()
+            for view in mapped:
+                view.release(self._queue)
+            self._queue.finish()
+        except cl.Error as error:
+            raise DeviceFailure(f"{self._device.name} failed while it ran kernels: {error}") from error
+        for held in outputs:
+            if held.copied:
+                held.array[...] = held.memory
+
+    # --------------------------------------------------------------------------------------------- machinery
+
+    def _map(self, held: Held) -> cl.MemoryMap:
+        """Begin to bring what the device wrote to the host; where both share memory this moves nothing."""
+        import pyopencl as cl
+
+        shape, kind = held.memory.shape, held.memory.dtype
+        view: Any
+        view, _ = cl.enqueue_map_buffer(self._queue, held.buffer, cl.map_flags.READ, 0, shape, kind, is_blocking=False)
+        mapped: cl.MemoryMap = view.base
+        return mapped
+
+    def _value(self, argument: Argument, where: str) -> cl.Buffer | np.generic | None:
+        if isinstance(argument, Held):
+            return argument.buffer
+        if isinstance(argument, np.ndarray):
+            return self.read(argument).buffer
+        if argument is None or isinstance(argument, np.generic):
+            return argument
+        raise TypeError(f"{where}: {type(argument).__name__} has no fixed width; use a NumPy scalar or array")
+
+    def _writable(self, array: Array, *, needed: bool) -> Held:
+        if not array.flags.writeable:
+            raise ValueError("a read-only array cannot be written by a kernel")
+        held = self._hold(array, needed=needed)
+        if not held.written:
+            self._refuse_overlap(held)
+            held.written = True
+        return held
+
+    def _hold(self, array: Array, *, needed: bool) -> Held:
+        """The array's one buffer in this session; `needed` says whether its present contents matter."""
+        first = array.__array_interface__["data"][0]
+        key = (first, array.nbytes, array.strides)
+        held = self._held.get(key)
+        if held is None:
+            held = self._held[key] = self._wrap(array, first, needed)
+            try:
+                self._refuse_overlap(held)
+            except ValueError:
+                del self._held[key]
+                raise
+        return held
+
+    def _wrap(self, array: Array, first: int, needed: bool) -> Held:
+        import pyopencl as cl
+
+        if array.size == 0:
+            raise ValueError(f"an array of shape {array.shape} holds nothing that a kernel could use")
+        memory = array
+        if not array.flags.c_contiguous or first % ALIGNMENT:
+            memory = aligned_empty(array.shape, array.dtype)
+            if needed:
+                memory[...] = array
+        access = cl.mem_flags.READ_WRITE if memory.flags.writeable else cl.mem_flags.READ_ONLY
+        try:
+            buffer = cl.Buffer(self._device.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
+        except cl.Error as error:
+            raise DeviceFailure(f"{self._device.name} cannot use an array of {array.nbytes} bytes: {error}") from error
+        low, high = np.lib.array_utils.byte_bounds(array)
+        return Held(array, memory, buffer, low, high)
+
+    def _refuse_overlap(self, held: Held) -> None:
+        for other in self._held.values():
+            apart = other is held or other.end <= held.first or held.end <= other.first
+            if not apart and (other.written or held.written):
+                raise ValueError("two arrays of one session overlap and one of them is written")
+
+    def _release(self) -> None:
+        """Let go of every buffer, once nothing uses them. A device that cannot say so keeps them for good."""
+        import pyopencl as cl
+
+        try:
+            self._queue.finish()
+        except cl.Error:
+            _abandoned.extend(self._held.values())
+        else:
+            for held in self._held.values():
+                held.buffer.release()
+        self._held.clear()
