@@ -69,7 +69,7 @@ $(BIN)/python:
 # (the lock has the build tool too): no step picks a version by itself.
 $(VENV)/.runtime: requirements.lock $(SOURCES)
 	@PYTHON=$(PYTHON) .ci/install-system
-	@$(MAKE) --no-print-directory $(BIN)/python
+	@$(MAKE) --silent --no-print-directory $(BIN)/python
 	@echo "Installing the Python packages of requirements.lock into $(VENV)"
 	@$(PIP) install --require-hashes --only-binary :all: --requirement requirements.lock
 	@$(PIP) install --no-deps --no-build-isolation --editable .
