@@ -1,0 +1,67 @@
+"""Lichen from Python: pixels in, pixels and a report out.
+
+    from lichen_client import Client
+
+    with Client("http://127.0.0.1:8080") as client:
+        result = client.run("gaussian", "photo.jpg", sigma=5)
+        result.array            # NumPy, (height, width, channels)
+        result.report.error     # how far it may be from the exact result
+
+Importing this package imports neither NumPy nor an HTTP library; the first client does.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from lichen_client.client import Client
+from lichen_client.errors import (
+    BadRequest,
+    ConnectionFailed,
+    Flaw,
+    LichenClientError,
+    NotFound,
+    RateLimited,
+    ServerError,
+    StatusError,
+    TimedOut,
+    TooLarge,
+    Unavailable,
+    Unprocessable,
+)
+from lichen_client.results import Error, Report, Result
+from lichen_client.retry import Retries
+from lichen_client.version import __version__
+
+if TYPE_CHECKING:
+    from lichen_client.async_client import AsyncClient
+
+__all__ = [
+    "AsyncClient",
+    "BadRequest",
+    "Client",
+    "ConnectionFailed",
+    "Error",
+    "Flaw",
+    "LichenClientError",
+    "NotFound",
+    "RateLimited",
+    "Report",
+    "Result",
+    "Retries",
+    "ServerError",
+    "StatusError",
+    "TimedOut",
+    "TooLarge",
+    "Unavailable",
+    "Unprocessable",
+    "__version__",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "AsyncClient":  # asyncio costs more to import than all the rest
+        from lichen_client.async_client import AsyncClient
+
+        return AsyncClient
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,146 @@
+"""What comes back: the pixels, and the service's account of how it made them."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lichen_client.npy import MEDIA_TYPE as NPY
+from lichen_client.npy import from_npy
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from lichen_client.retry import Reply
+
+_SUFFIXES = {
+    ".npy": NPY,
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+    ".webp": "image/webp",
+    ".tif": "image/tiff",
+    ".tiff": "image/tiff",
+    ".exr": "image/x-exr",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Error:
+    """How far the result may be from the exact one, in output units.
+
+    `kind` is "bound" (proved), "estimate" (from a calibration corpus) or "measured" (on this image); `metric` says over
+    what, such as "max".
+    """
+
+    value: float
+    kind: str
+    metric: str
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """How a result was made."""
+
+    method: str
+    device: str
+    error: Error | None
+    timing: Mapping[str, float]
+    """seconds per stage, as the service measured them"""
+    skipped: str
+    """work the service left out because it could not change the result, or ''"""
+    nonfinite: int | None
+    """NaN and infinite samples in the result; None where the service did not count"""
+    request_id: str
+    etag: str
+
+    @classmethod
+    def read(cls, headers: Mapping[str, str]) -> Report:
+        """From the header fields of an answer (lower-case names). What is absent or unreadable is left empty."""
+        nonfinite = headers.get("lichen-nonfinite", "").partition(";")[0].strip()
+        return cls(
+            method=headers.get("lichen-method", ""),
+            device=headers.get("lichen-device", ""),
+            error=_read_error(headers.get("lichen-error", "")),
+            timing=_read_timing(headers.get("server-timing", "")),
+            skipped=headers.get("lichen-skipped", ""),
+            nonfinite=int(nonfinite) if nonfinite.isascii() and nonfinite.isdigit() else None,
+            request_id=headers.get("x-request-id", ""),
+            etag=headers.get("etag", ""),
+        )
+
+
+def _read_error(value: str) -> Error | None:
+    parts = [part.strip() for part in value.split(";")]
+    try:
+        number = float(parts[0])
+    except ValueError:
+        return None
+    return Error(number, *[*parts[1:3], "", ""][:2])
+
+
+def _read_timing(value: str) -> dict[str, float]:
+    """Server-Timing ("decode;dur=1.25, plan;dur=0.1", milliseconds) as seconds; entries without a time are left out."""
+    timing = {}
+    for entry in value.split(","):
+        name, *attributes = (part.strip() for part in entry.split(";"))
+        for attribute in attributes:
+            key, _, number = attribute.partition("=")
+            if key.strip().lower() == "dur":
+                try:
+                    timing[name] = float(number.strip().strip('"')) / 1e3
+                except ValueError:
+                    continue
+    return timing
+
+
+@dataclass(frozen=True)
+class Result:
+    """A computed image: an array, or the bytes of the format that was asked for."""
+
+    media_type: str
+    report: Report
+    body: bytearray = field(repr=False)
+    """the bytes as they came; `array` shares their memory"""
+
+    @classmethod
+    def read(cls, reply: Reply) -> Result:
+        media_type = reply.headers.get("content-type", "").partition(";")[0].strip().lower()
+        return cls(media_type, Report.read(reply.headers), reply.body)
+
+    @cached_property
+    def array(self) -> np.ndarray[Any, np.dtype[Any]]:
+        """Shape (height, width, channels), in the sample type the service sent; writable, without a copy.
+
+        Raises ValueError where the result was asked for in an encoded format.
+        """
+        if self.media_type != NPY:
+            raise ValueError(
+                f"this result is {self.media_type or 'of unknown type'}; leave out `format` to get an array"
+            )
+        return from_npy(self.body)
+
+    @property
+    def content(self) -> bytes:
+        """The bytes of the file, of type `media_type`."""
+        return bytes(self.body)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the file at once or not at all. Raises ValueError where the suffix names another format."""
+        target = Path(path)
+        wanted = _SUFFIXES.get(target.suffix.lower(), self.media_type)
+        if wanted != self.media_type:
+            name = target.suffix.lower().lstrip(".")
+            raise ValueError(f"this result is {self.media_type}; ask for {target.name} with format={name!r}")
+        # Beside the target, so that the last step is a rename within one file system.
+        part = target.with_name(f".{target.name}.{os.getpid()}-{threading.get_ident()}.part")
+        try:
+            part.write_bytes(self.body)
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
