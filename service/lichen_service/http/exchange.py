@@ -1,0 +1,150 @@
+"""One request and its answer: how the body is received, how the answer leaves, what is logged."""
+
+from __future__ import annotations
+
+import mmap
+import socket
+import time
+from dataclasses import dataclass, field
+
+from lichen_service.http.access_log import shown_query
+from lichen_service.http.chunked import ChunkedBody
+from lichen_service.http.finish import choose_request_id, finish
+from lichen_service.http.message import Body, Head, Response
+from lichen_service.http.policy import RawHead, Refusal
+from lichen_service.http.target import BadTarget, split_target
+
+_OWN_PAGES = 256 * 1024
+
+
+class FixedBody:
+    """A body of known length, received in place.
+
+    Large ones get pages of their own from the system: aligned for zero-copy use, taken only as bytes arrive (so that
+    claiming a large body costs us nothing), and given back at once with the last view of them.
+    """
+
+    def __init__(self, length: int) -> None:
+        memory = mmap.mmap(-1, length) if length >= _OWN_PAGES else bytearray(length)
+        self.body = memoryview(memory)
+        self.received = 0
+
+    @property
+    def done(self) -> bool:
+        return self.received == len(self.body)
+
+    def feed(self, data: bytes | bytearray | memoryview) -> int | Refusal:
+        taken = min(len(data), len(self.body) - self.received)
+        with memoryview(data)[:taken] as view:
+            self.body[self.received : self.received + taken] = view
+        self.received += taken
+        return taken
+
+    def receive(self, sock: socket.socket, most: int) -> int:
+        """Receive straight into the body; 0 means that the peer has ended."""
+        count = sock.recv_into(self.body[self.received : self.received + most])
+        self.received += count
+        return count
+
+
+@dataclass(slots=True)
+class Exchange:
+    """Times are of `time.monotonic()`."""
+
+    request_id: str
+    peer: str = ""
+    method: str = ""
+    target: str = ""
+    head: Head | Refusal | None = None
+    """None until a whole head has come"""
+    keep_alive: bool = False
+    waits_for_continue: bool = False
+    started: float = field(default_factory=time.monotonic)
+    body: FixedBody | ChunkedBody | None = None
+    body_started: float = 0.0
+    received: int = 0
+    """bytes of the body so far, framing included"""
+    held: int = 0
+    """of these, bytes that count against the memory for bodies"""
+    discard: int = 0
+    """bytes of an unread body to drop before the next request"""
+    queued: float = 0.0
+    work_started: float = 0.0
+    work_ended: float = 0.0
+    status: int = 0
+    out: list[memoryview] = field(default_factory=list)
+    write_started: float = 0.0
+    sent: int = 0
+    fields: dict[str, object] = field(default_factory=dict)
+
+    @classmethod
+    def opened(cls, opening: RawHead, peer: str, request_timeout: float) -> Exchange:
+        """The exchange that a sound head begins; its `head` is a refusal where the target does not decode."""
+        fields: dict[str, str] = {}
+        for name, value in opening.fields:
+            joint = "; " if name == "cookie" else ", "
+            fields[name] = f"{fields[name]}{joint}{value}" if name in fields else value
+        request_id = choose_request_id(fields.get("x-request-id"))
+        exchange = cls(request_id, peer, opening.method, opening.target, keep_alive=opening.keep_alive)
+        try:
+            path, query = split_target(opening.target)
+        except BadTarget as bad:
+            exchange.head = Refusal(400, "malformed-target", str(bad))
+            return exchange
+        now = exchange.started
+        head = Head(opening.method, path, query, fields, request_id, now, now + request_timeout, peer)
+        exchange.head = head
+        exchange.waits_for_continue = opening.expects_continue and head.length != 0
+        return exchange
+
+    def answer(self, response: Response) -> None:
+        """Make the answer ready to send; raises `BadResponse` where it must not leave."""
+        wire = finish(response, request_id=self.request_id, method=self.method, keep_alive=self.keep_alive)
+        self.out = [_flat(part) for part in (wire.head, wire.body) if memoryview(part).nbytes]
+        self.status = response.status
+        self.fields = response.log
+        self.write_started = time.monotonic()
+
+    def send(self, sock: socket.socket) -> bool:
+        """Send what the socket takes without waiting; true when everything has left."""
+        while self.out:
+            try:
+                count = sock.sendmsg(self.out)
+            except BlockingIOError:
+                return False
+            self.sent += count
+            while self.out and count >= len(self.out[0]):
+                count -= len(self.out.pop(0))
+            if count:
+                self.out[0] = self.out[0][count:]
+        return True
+
+    def record(self) -> dict[str, object]:
+        """The line of the access log."""
+        path, _, query = self.target.partition("?")
+        now = time.monotonic()
+        line: dict[str, object] = {
+            "request_id": self.request_id,
+            "peer": self.peer,
+            "method": self.method,
+            "path": path,
+            "status": self.status,
+            "bytes_in": self.received,
+            "bytes_out": self.sent,
+            "total_ms": _milliseconds(self.started, now),
+        }
+        if query:
+            line["query"] = shown_query(query)
+        if self.work_started:
+            line["queue_ms"] = _milliseconds(self.queued, self.work_started)
+            line["work_ms"] = _milliseconds(self.work_started, self.work_ended)
+        return {**self.fields, **line}
+
+
+def _flat(body: Body) -> memoryview:
+    view = memoryview(body)
+    return view.cast("B") if view.c_contiguous else memoryview(view.tobytes())
+
+
+def _milliseconds(start: float, end: float) -> float:
+    return round(1000 * (end - start), 3)

@@ -1,0 +1,213 @@
+"""A worker's front: accepts connections, holds what they share, and stands between them and the application.
+
+All sockets are served by the thread in `run`; `threads` pool threads compute. What is in flight is counted here, by one
+thread, without locks: beyond `threads + queue` requests the answer is 503 at once, before a body is read.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import socket
+import time
+from collections.abc import Callable
+from http import HTTPStatus
+
+from lichen_service.http.access_log import AccessLog
+from lichen_service.http.connection import Connection
+from lichen_service.http.limits import Bounds, WireSettings
+from lichen_service.http.message import Admission, Application, Head, Request, Response
+from lichen_service.http.policy import Refusal
+from lichen_service.http.pool import Pool
+from lichen_service.http.reactor import READ, Reactor
+from lichen_service.problems import problem
+
+_OUT_OF_MEANS = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
+_ACCEPTS_AT_ONCE = 8
+"""few, so that workers that share a listener share its connections"""
+
+
+class Loop:
+    """Serves `application` on a listening socket, which it closes in the end.
+
+    `held` and `memory` are the bytes of request bodies in memory now and at most.
+    """
+
+    def __init__(
+        self,
+        listener: socket.socket,
+        application: Application,
+        settings: WireSettings,
+        *,
+        bounds: Bounds | None = None,
+        log: AccessLog | None = None,
+    ) -> None:
+        self.settings = settings
+        self.bounds = bounds or Bounds()
+        self.log = log or AccessLog()
+        self.reactor = Reactor()
+        self.scratch = memoryview(bytearray(self.bounds.read_size))
+        self.draining = False
+        self.held = 0
+        self.memory = self.bounds.bodies_in_flight * settings.max_body
+        self._application = application
+        self._pool = Pool(settings.threads)
+        self._in_flight = 0
+        self._connections: set[Connection] = set()
+        self._listener = listener
+        self._listener.setblocking(False)
+        self._listening = self.reactor.deadline(self._listen)
+        self._grace = self.reactor.deadline(self.reactor.stop)
+
+    def run(self) -> bool:
+        """Serve until `stop`; true when every request in flight was answered within the grace."""
+        self._listen()
+        self.reactor.run()
+        drained = not self._connections
+        for connection in list(self._connections):
+            connection.close()
+        self._listener.close()
+        self._pool.stop(timeout=1.0 if drained else 0.0)
+        self.reactor.close()
+        return drained
+
+    def stop(self) -> None:
+        """Accept no more, answer what has come, then end; from any thread or signal handler."""
+        self.reactor.post(self._drain)
+
+    @property
+    def connections(self) -> int:
+        return len(self._connections)
+
+    # What connections ask for
+
+    def closed(self, connection: Connection) -> None:
+        self._connections.discard(connection)
+        if self.draining and not self._connections:
+            self.reactor.stop()
+        elif len(self._connections) == self.bounds.connections - 1:
+            self._listen()
+
+    def admit(self, head: Head) -> Admission | Response:
+        """The application's word, and the wire's own: room in the queue, room in memory, declared length."""
+        try:
+            admission = self._application.admit(head)
+        except Exception:
+            self.log.failed("admit", request_id=head.request_id)
+            return self.failure(head.request_id)
+        if isinstance(admission, Response):
+            return admission
+        if self._full:
+            return self.busy(head.request_id)
+        length = head.length or 0
+        largest = min(admission.largest_body, self.settings.max_body)
+        if length > largest:
+            return problem(
+                413,
+                "too-large",
+                "The request body is too large",
+                f"The body may have {largest} bytes.",
+                request_id=head.request_id,
+                limit=largest,
+                actual=length,
+            )
+        if self.held + length > self.memory:
+            return self.busy(head.request_id, "The memory for request bodies is used up.")
+        return admission
+
+    def handle(self, request: Request) -> Response:
+        """On a pool thread; lets no exception escape."""
+        if time.monotonic() > request.head.deadline:
+            return self.busy(request.head.request_id, "The request waited too long for its turn.")
+        try:
+            return self._application.handle(request)
+        except Exception:
+            self.log.failed("handle", request_id=request.head.request_id)
+            return self.failure(request.head.request_id)
+
+    def submit(self, job: Callable[[], None]) -> bool:
+        """Queue a job for the pool, which must end with a call of `worked`; false when there is no room."""
+        if self._full:
+            return False
+        self._in_flight += 1
+        self._pool.submit(job)
+        return True
+
+    def worked(self) -> None:
+        self._in_flight -= 1
+
+    def busy(self, request_id: str, detail: str = "All places in the queue are taken.") -> Response:
+        return problem(
+            503,
+            "overloaded",
+            "The service is busy",
+            detail,
+            request_id=request_id,
+            retryable=True,
+            headers={"Retry-After": str(self.bounds.retry_after)},
+        )
+
+    def refusal(self, refusal: Refusal, request_id: str) -> Response:
+        return problem(
+            refusal.status,
+            refusal.code,
+            HTTPStatus(refusal.status).phrase,
+            refusal.detail,
+            request_id=request_id,
+            retryable=refusal.status == HTTPStatus.REQUEST_TIMEOUT,
+        )
+
+    def failure(self, request_id: str) -> Response:
+        """The 500 of a defect; what went wrong is in the log and nowhere else."""
+        detail = "The request could not be answered; the fault is ours."
+        return problem(500, "internal-error", "The service failed", detail, request_id=request_id)
+
+    # Accepting
+
+    @property
+    def _full(self) -> bool:
+        return self._in_flight >= self.settings.threads + self.settings.queue
+
+    def _listen(self) -> None:
+        if not self.draining:
+            self.reactor.watch(self._listener, READ, self._accept)
+
+    def _accept(self, _mask: int) -> None:
+        for _ in range(_ACCEPTS_AT_ONCE):
+            if not self._accept_one():
+                return
+
+    def _accept_one(self) -> bool:
+        if len(self._connections) >= self.bounds.connections:
+            self.reactor.watch(self._listener, 0, self._accept)
+            return False
+        try:
+            sock, address = self._listener.accept()
+        except OSError as error:
+            if error.errno in _OUT_OF_MEANS:
+                # The listener stays ready, so without a pause this would spin until a connection closes.
+                self.reactor.watch(self._listener, 0, self._accept)
+                self._listening.set(time.monotonic() + 0.2)
+            return error.errno == errno.ECONNABORTED
+        sock.setblocking(False)
+        with contextlib.suppress(OSError):
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._connections.add(Connection(self, sock, str(address[0]) if address else ""))
+        return True
+
+    def _drain(self) -> None:
+        if self.draining:
+            return
+        while self._accept_one():  # connections that the system has accepted for us are ours to answer
+            pass
+        self.draining = True
+        self.reactor.watch(self._listener, 0, self._accept)
+        self._listener.close()
+        self._grace.set(time.monotonic() + self.settings.grace)
+        drain = getattr(self._application, "drain", None)
+        if drain is not None:
+            drain()
+        for connection in list(self._connections):
+            connection.drain()
+        if not self._connections:
+            self.reactor.stop()

@@ -1,0 +1,276 @@
+"""What a request head must be before anything else may look at it.
+
+Theory. Request smuggling, response splitting and their relatives live on disagreement: two parsers read one byte
+string and see two messages. The cure is to accept only heads that every careful parser reads alike, and to close the
+connection on all others. h11 holds the grammar (tokens, field lines, versions) but is lenient by design about bytes
+that its authors met in the wild; this module refuses those first, on the raw bytes.
+
+Rules
+- No I/O. `HeadScanner` looks at each line once, as soon as it is complete, so a verdict does not depend on how the
+  bytes were cut into segments and a hopeless head is refused before its end has come.
+- Whatever frames the message (Content-Length, Transfer-Encoding) or routes it (Host, target) has exactly one reading.
+- A refusal is a value, carries its status, and always ends the connection.
+
+Sources: RFC 9110, RFC 9112 (sections 2.2, 3, 5, 6, 7.1), RFC 3986 section 3.2.2 for Host.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import h11
+
+LONGEST_REQUEST_LINE = 4094
+"""bytes, line end excluded"""
+LONGEST_FIELD = 8190
+"""bytes of one field line, line end excluded"""
+MOST_FIELDS = 100
+LARGEST_HEAD = 16 * 1024
+"""bytes of the whole head, line ends included"""
+
+METHODS = ("GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH", "QUERY")
+"""methods some route may know; any other is answered 501"""
+
+# A list of these has no meaning, and which of two counts is a matter of taste: where parsers differ, messages are
+# smuggled.
+_SINGLE = frozenset(
+    b"authorization content-length content-type content-encoding content-range date expect host idempotency-key "
+    b"if-modified-since if-range if-unmodified-since max-forwards range referer transfer-encoding user-agent "
+    b"x-request-id".split()
+)
+# Fields that frame, route, authorise or describe the message: too late at its end (RFC 9110 section 6.5.1).
+_NOT_IN_TRAILERS = _SINGLE | frozenset(
+    b"accept cache-control connection cookie keep-alive proxy-authorization proxy-connection set-cookie te trailer "
+    b"upgrade www-authenticate".split()
+)
+
+_CONTROL = re.compile(rb"[\x00-\x08\x0a-\x1f\x7f]")
+_TOKEN = re.compile(rb"[-!#$%&'*+.^_`|~0-9A-Za-z]+")
+_FIELD = re.compile(rb"([-!#$%&'*+.^_`|~0-9A-Za-z]+):[ \t]*(.*?)[ \t]*", re.DOTALL)
+_VERSION = re.compile(rb"HTTP/[0-9]\.[0-9]")
+_LENGTH = re.compile(rb"0|[1-9][0-9]{0,17}")
+_HOST = re.compile(rb"(?:[-A-Za-z0-9._~!$&'()*+,;=%]+|\[[0-9A-Fa-f:.]+\])(?::[0-9]{0,5})?")
+_TARGET = re.compile(rb"/[\x21-\x22\x24-\x7e]*")
+
+Field = tuple[bytes, bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a request is not served; the connection closes after the answer."""
+
+    status: int
+    code: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class RawHead:
+    """A head with one reading. `target` is in origin form, or `*`."""
+
+    method: str
+    target: str
+    version: str
+    fields: tuple[tuple[str, str], ...]
+    """lower-case names in the order given"""
+    keep_alive: bool
+    expects_continue: bool
+
+
+class _Refused(Exception):
+    def __init__(self, status: int, detail: str, code: str = "malformed-request") -> None:
+        super().__init__(detail)
+        self.refusal = Refusal(status, code, detail)
+
+
+class HeadScanner:
+    """Finds where a head ends in a buffer that grows between calls."""
+
+    __slots__ = ("_fields", "_line", "_lines")
+
+    def __init__(self) -> None:
+        self._line = 0
+        """where the first line not yet looked at begins"""
+        self._lines = 0
+        self._fields = 0
+
+    def scan(self, buffer: bytearray) -> int | Refusal | None:
+        """Bytes of the head, its empty line included; None while it is not complete.
+
+        One empty line before the request line is skipped, as RFC 9112 section 2.2 asks.
+        """
+        try:
+            while (end := buffer.find(b"\n", self._line)) >= 0:
+                line = bytes(buffer[self._line : end + 1])
+                self._line = end + 1
+                self._measure(len(line) - 2)
+                if self._accept(line):
+                    return self._line
+            self._measure(len(buffer) - self._line - 1, total=len(buffer))
+            if self._lines == 0 and self._line < len(buffer):
+                first = bytes(buffer[self._line : self._line + 1])
+                if first != b"\r" and not _TOKEN.match(first):
+                    raise _Refused(400, "the request does not begin with a method")
+        except _Refused as refused:
+            return refused.refusal
+        return None
+
+    def _measure(self, length: int, total: int = 0) -> None:
+        if self._lines == 0 and length > LONGEST_REQUEST_LINE:
+            raise _Refused(414, f"the request line is longer than {LONGEST_REQUEST_LINE} bytes", "uri-too-long")
+        if self._lines and length > LONGEST_FIELD:
+            raise _Refused(431, f"a header field is longer than {LONGEST_FIELD} bytes", "head-too-large")
+        if max(total, self._line) > LARGEST_HEAD:
+            raise _Refused(431, f"the head is larger than {LARGEST_HEAD} bytes", "head-too-large")
+
+    def _accept(self, line: bytes) -> bool:
+        """Look at one complete line; true for the empty line that ends the head."""
+        content = plain_line(line)
+        if not content:
+            if self._lines:
+                return True
+            if self._line > len(line):
+                raise _Refused(400, "more than one empty line before the request line")
+            return False
+        if self._lines:
+            self._fields += 1
+            if self._fields > MOST_FIELDS:
+                raise _Refused(431, f"there are more than {MOST_FIELDS} header fields", "head-too-large")
+        self._lines += 1
+        return False
+
+
+def plain_line(line: bytes) -> bytes:
+    """The line without its CR LF; refused where it is folded, ends otherwise, or holds control characters."""
+    if not line.endswith(b"\r\n"):
+        raise _Refused(400, "a line ends with a bare line feed")
+    content = line[:-2]
+    if _CONTROL.search(content):
+        raise _Refused(400, "a line holds a control character")
+    if content[:1] in (b" ", b"\t"):
+        raise _Refused(400, "a line begins with white space; folded fields are not accepted")
+    return content
+
+
+def read_head(raw: bytes) -> RawHead | Refusal:
+    """Judge a head that `HeadScanner` has found whole."""
+    try:
+        return _read_head(raw)
+    except _Refused as refused:
+        return refused.refusal
+
+
+def check_trailers(lines: Sequence[bytes]) -> Refusal | None:
+    """Judge the lines, CR LF included, between the last chunk and the empty line. Trailers are dropped afterwards."""
+    try:
+        for line in lines:
+            name, _ = _field(plain_line(line))
+            if name in _NOT_IN_TRAILERS:
+                raise _Refused(400, f"the field {name.decode()} is not allowed in a trailer")
+    except _Refused as refused:
+        return refused.refusal
+    return None
+
+
+def _read_head(raw: bytes) -> RawHead:
+    request_line, *lines = raw.lstrip(b"\r\n").removesuffix(b"\r\n\r\n").split(b"\r\n")
+    method, target, version = _request_line(request_line)
+    fields = [_field(line) for line in lines]
+    single = _singles(fields)
+    _check_host(version, single)
+    _check_framing(version, single)
+    expects = _expectation(version, single)
+    event = _by_grammar(raw.lstrip(b"\r\n"))
+    connection = [
+        option.strip().lower() for name, value in event.headers if name == b"connection" for option in value.split(b",")
+    ]
+    return RawHead(
+        method,
+        target,
+        version,
+        tuple((name.decode("ascii"), value.decode("latin-1")) for name, value in event.headers),
+        keep_alive=version == "1.1" and b"close" not in connection,
+        expects_continue=expects,
+    )
+
+
+def _request_line(line: bytes) -> tuple[str, str, str]:
+    parts = line.split(b" ")
+    if len(parts) != 3 or not _TOKEN.fullmatch(parts[0]):
+        raise _Refused(400, "the request line is not METHOD target HTTP/1.1 with single spaces between")
+    if not _VERSION.fullmatch(parts[2]):
+        raise _Refused(400, "the protocol version is malformed")
+    if parts[2] not in (b"HTTP/1.0", b"HTTP/1.1"):
+        raise _Refused(505, "only HTTP/1.0 and HTTP/1.1 are spoken here", "version-not-supported")
+    method = parts[0].decode("ascii")
+    if method not in METHODS:
+        raise _Refused(501, f"no route knows the method; known: {', '.join(METHODS)}", "method-not-implemented")
+    if not _TARGET.fullmatch(parts[1]) and (method, parts[1]) != ("OPTIONS", b"*"):
+        raise _Refused(400, "the target must be a path beginning with a slash, of visible ASCII and without a fragment")
+    return method, parts[1].decode("ascii"), parts[2][-3:].decode("ascii")
+
+
+def _field(line: bytes) -> Field:
+    match = _FIELD.fullmatch(line)
+    if match is None:
+        raise _Refused(400, "a header field is not NAME: value")
+    return match[1].lower(), match[2]
+
+
+def _singles(fields: Sequence[Field]) -> dict[bytes, bytes]:
+    found: dict[bytes, bytes] = {}
+    for name, value in fields:
+        if name not in _SINGLE:
+            continue
+        if name in found:
+            raise _Refused(400, f"the field {name.decode()} is given more than once")
+        found[name] = value
+    return found
+
+
+def _check_host(version: str, single: dict[bytes, bytes]) -> None:
+    host = single.get(b"host")
+    if host is None:
+        if version == "1.1":
+            raise _Refused(400, "HTTP/1.1 requires the field Host")
+    elif not _HOST.fullmatch(host):
+        raise _Refused(400, "the field Host is not a host name or address with an optional port")
+
+
+def _check_framing(version: str, single: dict[bytes, bytes]) -> None:
+    length, coding = single.get(b"content-length"), single.get(b"transfer-encoding")
+    if length is not None and not _LENGTH.fullmatch(length):
+        raise _Refused(400, "Content-Length is not one plain decimal number")
+    if coding is None:
+        return
+    if version == "1.0":
+        raise _Refused(400, "Transfer-Encoding does not exist in HTTP/1.0")
+    if length is not None:
+        raise _Refused(400, "Content-Length and Transfer-Encoding exclude each other")
+    if not coding:
+        raise _Refused(400, "Transfer-Encoding is empty")
+    if coding.lower() != b"chunked":
+        raise _Refused(501, "the only transfer coding known is chunked, alone", "coding-not-implemented")
+
+
+def _expectation(version: str, single: dict[bytes, bytes]) -> bool:
+    expectation = single.get(b"expect")
+    if expectation is None or version == "1.0":
+        return False  # RFC 9110 section 10.1.1: a 1.0 client never gets, and never waits for, an interim answer
+    if expectation.lower() != b"100-continue":
+        raise _Refused(417, "the only expectation known is 100-continue", "expectation-failed")
+    return True
+
+
+def _by_grammar(raw: bytes) -> h11.Request:
+    connection = h11.Connection(h11.SERVER, max_incomplete_event_size=2 * LARGEST_HEAD)
+    connection.receive_data(raw)
+    try:
+        event = connection.next_event()
+    except h11.RemoteProtocolError as error:
+        raise _Refused(error.error_status_hint, f"the head is malformed: {error}") from error
+    if not isinstance(event, h11.Request):
+        raise _Refused(400, "the head is not complete")
+    return event

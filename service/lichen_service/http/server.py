@@ -1,0 +1,229 @@
+"""The supervisor: binds the address, keeps the workers alive, ends them in order.
+
+Theory. The process that must never fail does next to nothing: it imports no library that computes, opens no request,
+and only waits for children and signals. One listening socket is shared by all workers, so that no connection waits
+for a worker that is busy or gone. Workers are fresh interpreters, since the OpenCL runtime does not survive a fork.
+
+Rules
+- A worker that dies is replaced: at once if it had served, else after a growing pause; if none has ever become ready,
+  the supervisor gives up and says so.
+- First SIGTERM or SIGINT: workers stop accepting and answer what they have, up to `grace` seconds; exit status 0. A
+  second one, or the end of the grace, kills them; exit status 1.
+- As process 1 it also reaps the orphans that the system hands it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import pickle
+import selectors
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from lichen_service.http.limits import WireSettings
+
+BACKLOG = 2048
+FIRST_PAUSE = 0.1
+LONGEST_PAUSE = 5.0
+"""seconds between a worker's death and its replacement"""
+MOST_FAILED_STARTS = 3
+"""deaths before any worker was ready after which the supervisor gives up"""
+_ENVIRONMENT = {"MALLOC_ARENA_MAX": "2", "PYTHONFAULTHANDLER": "1"}
+_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGCHLD, signal.SIGUSR1)
+
+
+def serve(make_application: str, settings: WireSettings) -> int:
+    """Serve until told to end; returns the exit status of the process.
+
+    `make_application` is `module:function`, called without arguments in each worker. `settings` must be picklable.
+    Raises nothing for an address that cannot be taken: that is said on standard error, with status 1.
+    """
+    try:
+        listener = bind(settings.host, settings.port)
+    except OSError as error:
+        print(f"Lichen cannot listen on {settings.host}:{settings.port}: {error.strerror or error}", file=sys.stderr)
+        return 1
+    with listener:
+        return Supervisor(listener, make_application, settings).run()
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """A listening socket at the first address that `host` resolves to."""
+    family, kind, protocol, _, address = socket.getaddrinfo(
+        host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+    )[0]
+    listener = socket.socket(family, kind, protocol)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(BACKLOG)
+    except OSError:
+        listener.close()
+        raise
+    return listener
+
+
+@dataclass
+class _Worker:
+    process: subprocess.Popen[bytes]
+    ready_fd: int
+    ready: bool = False
+    started: float = field(default_factory=time.monotonic)
+
+
+class Supervisor:
+    def __init__(self, listener: socket.socket, make_application: str, settings: WireSettings) -> None:
+        self._listener = listener
+        self._message = pickle.dumps((make_application, settings))
+        self._settings = settings
+        self._workers: dict[int, _Worker] = {}
+        self._starts: list[float] = [0.0] * settings.workers
+        """when the missing workers are to be started"""
+        self._pause = FIRST_PAUSE
+        self._failed_starts = 0
+        self._announced = False
+        self._ends: float | None = None
+        """when the grace is over, once the end has begun"""
+        self._killed = False
+        self._lifeline, self._held_end = os.pipe()
+        self._selector = selectors.DefaultSelector()
+
+    def run(self) -> int:
+        with self._signals() as woken:
+            self._selector.register(woken, selectors.EVENT_READ)
+            while self._workers or self._ends is None:
+                self._start_due()
+                for key, _ in self._selector.select(self._patience()):
+                    if key.fileobj is woken:
+                        for number in woken.recv(4096):
+                            self._signalled(number)
+                    else:
+                        self._became_ready(key.data)
+                self._reap()
+                if self._ends is not None and time.monotonic() >= self._ends:
+                    self._kill()
+                if self._failed_starts >= MOST_FAILED_STARTS and self._ends is None:
+                    print("Lichen cannot start: no worker became ready; the reason is above.", file=sys.stderr)
+                    self._killed = True
+                    self._end()
+        for descriptor in (self._lifeline, self._held_end):
+            os.close(descriptor)
+        self._selector.close()
+        return 1 if self._killed else 0
+
+    @contextlib.contextmanager
+    def _signals(self) -> Iterator[socket.socket]:
+        """Signals as bytes on a socket; what was installed before comes back afterwards."""
+        woken, waker = socket.socketpair()
+        with woken, waker:
+            woken.setblocking(False)
+            waker.setblocking(False)
+            before = {number: signal.signal(number, lambda *_: None) for number in _SIGNALS}
+            old = signal.set_wakeup_fd(waker.fileno(), warn_on_full_buffer=False)
+            try:
+                yield woken
+            finally:
+                signal.set_wakeup_fd(old)
+                for number, handler in before.items():
+                    signal.signal(number, handler)
+
+    def _signalled(self, number: int) -> None:
+        if number in (signal.SIGTERM, signal.SIGINT):
+            if self._ends is None:
+                self._end()
+            else:
+                self._kill()
+        elif number == signal.SIGUSR1:
+            self._tell(signal.SIGUSR1)
+
+    def _end(self) -> None:
+        # One second more than the workers take for themselves, so that they can close in order.
+        self._ends = time.monotonic() + self._settings.grace + 1.0
+        self._listener.close()
+        self._starts.clear()
+        self._tell(signal.SIGTERM)
+
+    def _kill(self) -> None:
+        self._killed = True
+        self._ends = math.inf
+        self._tell(signal.SIGKILL)
+
+    def _tell(self, number: signal.Signals) -> None:
+        for pid in self._workers:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, number)
+
+    # Workers
+
+    def _start_due(self) -> None:
+        now = time.monotonic()
+        due = [at for at in self._starts if at <= now]
+        self._starts = [at for at in self._starts if at > now]
+        for _ in due:
+            self._start()
+
+    def _start(self) -> None:
+        ready_fd, other_end = os.pipe()
+        descriptors = (self._listener.fileno(), other_end, self._lifeline)
+        process = subprocess.Popen(
+            [sys.executable, "-m", "lichen_service.http.worker", *map(str, descriptors)],
+            stdin=subprocess.PIPE,
+            pass_fds=descriptors,
+            env={**os.environ, **{name: os.environ.get(name, value) for name, value in _ENVIRONMENT.items()}},
+            process_group=0,  # an interrupt from the keyboard is the supervisor's to pass on
+        )
+        os.close(other_end)
+        assert process.stdin is not None
+        with contextlib.suppress(BrokenPipeError), process.stdin:
+            process.stdin.write(self._message)
+        worker = self._workers[process.pid] = _Worker(process, ready_fd)
+        self._selector.register(ready_fd, selectors.EVENT_READ, worker)
+
+    def _became_ready(self, worker: _Worker) -> None:
+        worker.ready = bool(os.read(worker.ready_fd, 1))  # nothing: it died first
+        self._selector.unregister(worker.ready_fd)
+        os.close(worker.ready_fd)
+        worker.ready_fd = -1
+        if worker.ready and not self._announced:
+            self._announced = True
+            print(f"Lichen listens on {self._url()}", flush=True)
+
+    def _reap(self) -> None:
+        with contextlib.suppress(ChildProcessError):
+            while True:
+                pid, status = os.waitpid(-1, os.WNOHANG)
+                if not pid:
+                    return
+                worker = self._workers.pop(pid, None)
+                if worker is not None:
+                    worker.process.returncode = os.waitstatus_to_exitcode(status)
+                    self._lost(worker)
+
+    def _lost(self, worker: _Worker) -> None:
+        if worker.ready_fd >= 0:
+            self._became_ready(worker)
+        if self._ends is not None:
+            # Before it is ready a worker has nothing to lose, and ends on SIGTERM as any process does.
+            self._killed |= worker.ready and worker.process.returncode != 0
+            return
+        print(f"Lichen lost worker {worker.process.pid} (status {worker.process.returncode})", file=sys.stderr)
+        if not worker.ready and not self._announced:
+            self._failed_starts += 1
+        lasted = time.monotonic() - worker.started > 2 * LONGEST_PAUSE
+        self._pause = FIRST_PAUSE if worker.ready and lasted else min(2 * self._pause, LONGEST_PAUSE)
+        self._starts.append(time.monotonic() + (0.0 if worker.ready and lasted else self._pause))
+
+    def _patience(self) -> float | None:
+        soonest = min([*self._starts, math.inf if self._ends is None else self._ends])
+        return None if soonest == math.inf else max(0.0, soonest - time.monotonic())
+
+    def _url(self) -> str:
+        host, port = self._listener.getsockname()[:2]
+        return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"

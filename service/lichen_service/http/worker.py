@@ -1,0 +1,61 @@
+"""A worker process: makes the application, then serves it on the listener it has inherited.
+
+    python -m lichen_service.http.worker LISTENER READY LIFELINE          (file descriptors; see server.py)
+
+Standard input holds the pickled name of the application's maker and the settings, written by the supervisor. READY
+gets one byte once requests can be answered. LIFELINE is readable only when the supervisor has died; the worker then
+ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to standard error.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import importlib
+import os
+import pickle
+import signal
+import socket
+import sys
+from typing import cast
+
+from lichen_service.http.limits import WireSettings
+from lichen_service.http.loop import Loop
+from lichen_service.http.message import Application
+from lichen_service.http.reactor import READ
+
+SWITCH_INTERVAL = 0.001
+"""seconds; the loop thread asks for the interpreter often and briefly, and the default of 5 ms would be its latency"""
+
+
+def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> int:
+    faulthandler.enable()
+    faulthandler.register(signal.SIGUSR1, all_threads=True)
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    maker, settings = cast("tuple[str, WireSettings]", pickle.load(sys.stdin.buffer))
+    application = make(maker)
+    with socket.socket(fileno=listener_fd) as listener:
+        loop = Loop(listener, application, settings)
+        signal.signal(signal.SIGTERM, lambda *_: loop.stop())
+        loop.reactor.watch(lifeline_fd, READ, lambda _mask: _orphaned(loop, lifeline_fd))
+        os.write(ready_fd, b"\1")
+        os.close(ready_fd)
+        drained = loop.run()
+    sys.stderr.flush()
+    if not drained:
+        os._exit(1)  # a kernel that does not end would keep the interpreter from ending in order
+    return 0
+
+
+def make(maker: str) -> Application:
+    """The application of `module:function`."""
+    module, _, function = maker.partition(":")
+    return cast("Application", getattr(importlib.import_module(module), function)())
+
+
+def _orphaned(loop: Loop, lifeline_fd: int) -> None:
+    loop.reactor.watch(lifeline_fd, 0, lambda _mask: None)
+    loop.stop()
+
+
+if __name__ == "__main__":
+    sys.exit(run(*map(int, sys.argv[1:])))
