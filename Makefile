@@ -72,7 +72,7 @@ $(VENV)/.runtime: requirements.lock $(SOURCES)
 	@$(MAKE) --silent --no-print-directory $(BIN)/python
 	@echo "Installing the Python packages of requirements.lock into $(VENV)"
 	@$(PIP) install --require-hashes --only-binary :all: --requirement requirements.lock
-	@$(PIP) install --no-deps --no-build-isolation --editable .
+	@PYTHONWARNINGS=ignore $(PIP) install --no-deps --no-build-isolation --editable .
 	@touch $@
 
 $(VENV)/.development: requirements-dev.lock $(VENV)/.runtime
