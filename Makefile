@@ -18,7 +18,7 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z-]*\):[^#]*## */  make \1 @/p' $(firstword $(MAKEFILE_LIST)) | awk -F@ '{ printf "%-24s%s\n", $$1, $$2 }'
-	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) ARGS=... (handed on to the tool)"
+	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) ARGS=... (handed on: make test ARGS='-k lic')"
 
 install: $(VENV)/.runtime ## install what serving needs: system packages, .venv, pinned Python packages
 
@@ -34,7 +34,7 @@ lint: $(VENV)/.development ## check style, types, the order of imports and the C
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/ruff format --quiet --check .
 	@$(BIN)/mypy --no-error-summary
-	@$(BIN)/lint-imports --no-logo
+	@report=$$($(BIN)/lint-imports --no-logo) || { echo "$$report"; exit 1; }
 	@$(BIN)/hadolint Containerfile
 
 format: $(VENV)/.development ## bring the source into the house style
@@ -42,7 +42,7 @@ format: $(VENV)/.development ## bring the source into the house style
 	@$(BIN)/ruff format --quiet .
 
 bench: $(VENV)/.development ## measure speed and error beside the peers
-	@$(BIN)/python -m tests.benchmarks $(ARGS)
+	@set -e; for script in $(or $(ARGS),tests/benchmarks/bench_*.py); do $(BIN)/python $$script; done
 
 audit: $(VENV)/.development ## look up the locked packages in the databases of known vulnerabilities
 	@$(BIN)/pip-audit --require-hashes --disable-pip --requirement requirements.lock $(ARGS)
