@@ -1,0 +1,66 @@
+"""JSON as the service writes it: canonical, and without NaN.
+
+The same value always gives the same bytes (sorted keys, no spaces), so a document's digest can be its entity tag. JSON
+has no NaN and no infinity: such numbers become null rather than text that a strict parser refuses.
+"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from enum import Enum
+from typing import Any
+
+from lichen_service.http.message import Body, Head, Response
+
+
+def plain(value: Any) -> Any:
+    """`value` in JSON's own types; data classes become objects, non-finite numbers null."""
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if isinstance(value, Mapping):
+        return {str(plain(key)): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [plain(item) for item in value]
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {each.name.rstrip("_"): plain(getattr(value, each.name)) for each in dataclasses.fields(value)}
+    number = float(value)
+    return number if math.isfinite(number) else None
+
+
+def canonical(value: Any) -> bytes:
+    """UTF-8 JSON of `value`: sorted keys, no spaces, no NaN."""
+    return json.dumps(plain(value), sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
+def content_digest(body: Body) -> str:
+    """The `Content-Digest` of a body (RFC 9530)."""
+    return f"sha-256=:{base64.b64encode(hashlib.sha256(body).digest()).decode()}:"
+
+
+def matches(head: Head, tag: str) -> bool:
+    """Whether `If-None-Match` names this entity tag (weak comparison, RFC 9110 section 13.1.2)."""
+    given = head.headers.get("if-none-match")
+    if given is None:
+        return False
+    return given.strip() == "*" or tag in (each.strip().removeprefix("W/") for each in given.split(","))
+
+
+def document(head: Head, body: bytes, media_type: str = "application/json") -> Response:
+    """An answer that depends on the running engine alone: kept by caches, asked for again by its entity tag."""
+    tag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
+    headers = {"ETag": tag, "Cache-Control": "no-cache"}
+    if matches(head, tag):
+        return Response(304, headers=headers)
+    return Response(200, body, headers | {"Content-Type": media_type, "Content-Digest": content_digest(body)})
+
+
+def momentary(status: int, value: Any) -> Response:
+    """A JSON answer that holds only now."""
+    return Response(status, canonical(value), {"Content-Type": "application/json", "Cache-Control": "no-store"})
