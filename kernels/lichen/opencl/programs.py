@@ -3,7 +3,8 @@
 Rules:
 
 * A source is found by its path relative to `operations/`, then to this folder. `#include "x.clh"` is resolved here,
-  once per header, so the text that is built is the text that is hashed: a changed header is a changed program.
+  so the text that is built is the text that is hashed: a changed header is a changed program. A header that says
+  `#pragma once` comes once; one that does not is a template, and comes each time with other definitions around it.
 * Every program is OpenCL C 1.2 and starts with `FP_CONTRACT OFF`. PoCL contracts `a * b + c` on its own otherwise, and
   what it contracts may depend on how a kernel was vectorised; kernels that want a fused step write `fma`.
   No relaxed mathematics: NaN and infinity mean what they say.
@@ -38,6 +39,9 @@ Definitions = Mapping[str, int | float | str]
 """Preprocessor names and values; a float becomes an exact float32 literal, text is taken as it is."""
 
 _INCLUDE_LINE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"[ \t]*$')
+_ONCE = re.compile(r"^[ \t]*#[ \t]*pragma[ \t]+once[ \t]*$")
+_DEPTH = 8
+"""Includes within includes; more is a header that includes itself."""
 _log = logging.getLogger("lichen")
 
 
@@ -61,11 +65,13 @@ def load(name: str) -> Source:
     return Source(name, text, hashlib.sha256(text.encode()).hexdigest())
 
 
-def _resolved(path: Path, name: str, seen: set[Path]) -> list[str]:
+def _resolved(path: Path, name: str, once: set[Path], depth: int = 0) -> list[str]:
     """The lines of a file with its includes in their place, marked so that build logs name file and line."""
-    seen.add(path.resolve())
     lines = [f'#line 1 "{name}"']
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        if _ONCE.match(line):
+            once.add(path.resolve())
+            line = ""
         include = _INCLUDE_LINE.match(line)
         if include is None:
             lines.append(line)
@@ -74,11 +80,11 @@ def _resolved(path: Path, name: str, seen: set[Path]) -> list[str]:
         found = next((folder / wanted for folder in (INCLUDE, path.parent) if (folder / wanted).is_file()), None)
         if found is None:
             raise DeviceFailure(f"{name}, line {number}, includes {wanted}, which does not exist.")
-        if found.resolve() not in seen:
-            lines += _resolved(found, wanted, seen)
-            lines.append(f'#line {number + 1} "{name}"')
-        else:
-            lines.append("")
+        if depth == _DEPTH:
+            raise DeviceFailure(f"{name}, line {number}: includes are nested more than {_DEPTH} deep.")
+        if found.resolve() not in once:
+            lines += _resolved(found, wanted, once, depth + 1)
+        lines.append(f'#line {number + 1} "{name}"')
     return lines
 
 
