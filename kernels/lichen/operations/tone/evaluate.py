@@ -1,0 +1,193 @@
+"""Transfer curves in float32 NumPy: the twin of transfer.cl, with the same rewriting of the formulas.
+
+A picture is worked through in blocks that stay in cache, each operation writing into a block's scratch, and the blocks
+are shared out to threads; NumPy's loops release the interpreter. A sample's result does not depend on its block.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.opencl.processors import processors
+from lichen.operations.tone.curves import PQ_C3, PQ_LIMIT, PQ_M1, PQ_M2, PQ_Q, Form, pq_ceiling_signal
+from lichen.operations.tone.tables import Table
+
+BLOCK = 1 << 14
+"""samples; six scratch arrays of a block fit in the second-level cache"""
+SHARE = 16
+"""blocks that a thread takes at once"""
+
+F = np.float32
+
+
+def evaluate(pixels: Array, form: Form, *, clamped: bool, table: Table | None = None) -> Array:
+    """The curve of every sample, float32, same shape. With a table, samples up to its top are interpolated."""
+    source = aligned(pixels).reshape(-1)
+    out = aligned_empty(pixels.shape)
+    flat = out.reshape(-1)
+
+    def share(start: int) -> None:
+        scratch = np.empty((5, BLOCK), dtype=np.float32)
+        with np.errstate(all="ignore"):
+            for at in range(start, min(start + SHARE * BLOCK, flat.size), BLOCK):
+                x, y = source[at : at + BLOCK], flat[at : at + BLOCK]
+                _block(x, y, scratch[:, : x.size], form, clamped, table)
+
+    starts = range(0, flat.size, SHARE * BLOCK)
+    workers = min(processors(), len(starts))
+    if workers == 1:
+        for start in starts:
+            share(start)
+    else:
+        with ThreadPoolExecutor(workers) as pool:
+            for _ in pool.map(share, starts):
+                pass
+    return out
+
+
+def _block(x: Array, y: Array, scratch: Array, form: Form, clamped: bool, table: Table | None) -> None:
+    signed, a, *spare = scratch
+    np.add(x, F(form.shift), out=signed)
+    if clamped:
+        np.maximum(signed, F(0), out=a)
+    else:
+        np.abs(signed, out=a)
+    if table is None:
+        BODIES[form.body](a, y, spare, form)
+    else:
+        _interpolate(a, y, spare, form, table)
+    if form.floor > -math.inf:
+        np.maximum(y, F(form.floor), out=y)
+    if form.knee > 0:
+        _toe(a, y, spare[0], form)
+    if not clamped:
+        np.copysign(y, signed, out=y)
+    if form.offset:
+        np.add(y, F(form.offset), out=y)
+
+
+def _toe(a: Array, y: Array, spare: Array, form: Form) -> None:
+    if form.toe == "linear":
+        np.multiply(a, F(form.toe_scale), out=spare)
+    else:
+        (np.sqrt if form.toe == "root" else np.square)(a, out=spare)
+        np.multiply(spare, F(form.toe_scale), out=spare)
+    np.copyto(y, spare, where=a < ceiling32(form.knee))
+
+
+def ceiling32(value: float) -> np.float32:
+    """The smallest float32 that is not below `value`, so that comparing float32 samples with either is the same."""
+    rounded = F(value)
+    return rounded if float(rounded) >= value else np.nextafter(rounded, F(np.inf))
+
+
+def _power(a: Array, y: Array, spare: list[Array], form: Form) -> None:
+    base = a
+    if form.inner != 1 or form.lift:
+        base = spare[0]
+        np.multiply(a, F(form.inner), out=base)
+        np.add(base, F(form.lift), out=base)
+    _raise(base, y, form.exponent)
+    if form.outer != 1:
+        np.multiply(y, F(form.outer), out=y)
+    if form.drop:
+        np.add(y, F(form.drop), out=y)
+
+
+def _raise(base: Array, y: Array, exponent: float) -> None:
+    """base^exponent into y, another array. Whole factors are multiplied, so that rounding the exponent costs little."""
+    whole = math.floor(exponent)
+    if exponent > whole:
+        np.power(base, F(exponent - whole), out=y)
+    else:
+        np.copyto(y, base)
+        whole -= 1
+    for _ in range(whole):
+        np.multiply(y, base, out=y)
+
+
+def _exponential(a: Array, y: Array, spare: list[Array], form: Form) -> None:
+    np.subtract(a, F(0.5), out=y)
+    np.multiply(y, F(form.exponent), out=y)
+    np.exp(y, out=y)
+    np.multiply(y, F(form.outer), out=y)
+    np.add(y, F(form.drop), out=y)
+
+
+def _logarithm(a: Array, y: Array, spare: list[Array], form: Form) -> None:
+    np.multiply(a, F(form.inner), out=y)
+    np.add(y, F(form.lift), out=y)
+    np.log(y, out=y)
+    np.multiply(y, F(form.outer), out=y)
+    np.add(y, F(form.drop), out=y)
+
+
+def _pq_decode(a: Array, y: Array, spare: list[Array], form: Form) -> None:
+    w, below, _ = spare
+    np.minimum(a, F(pq_ceiling_signal()), out=w)
+    np.log(w, out=w)
+    np.multiply(w, F(1 / PQ_M2), out=w)
+    np.expm1(w, out=w)
+    np.multiply(w, F(-PQ_C3), out=below)
+    np.add(below, F(PQ_Q), out=below)
+    np.add(w, F(PQ_Q), out=w)
+    np.maximum(w, F(0), out=w)
+    np.divide(w, below, out=w)
+    _raise(w, y, 1 / PQ_M1)
+    np.multiply(y, F(form.outer), out=y)
+
+
+def _pq_encode(a: Array, y: Array, spare: list[Array], form: Form) -> None:
+    p, s, z = spare
+    np.multiply(a, F(form.inner), out=p)
+    np.power(p, F(PQ_M1), out=p)
+    np.subtract(p, F(1), out=s)
+    np.multiply(s, F(PQ_Q), out=s)
+    np.multiply(p, F(2 * PQ_C3 + PQ_Q), out=p)
+    np.add(p, F(2 - PQ_Q), out=p)
+    np.divide(s, p, out=s)
+    np.multiply(s, s, out=z)
+    np.multiply(z, F(1 / 7), out=p)
+    for coefficient in (1 / 5, 1 / 3):
+        np.add(p, F(coefficient), out=p)
+        np.multiply(p, z, out=p)
+    np.multiply(p, s, out=p)
+    np.add(s, p, out=s)
+    np.multiply(s, F(2 * PQ_M2), out=s)
+    np.exp(s, out=y)
+    np.copyto(y, F(PQ_LIMIT), where=np.isposinf(a))
+
+
+BODIES: dict[str, Callable[[Array, Array, list[Array], Form], None]] = {
+    "power": _power,
+    "exponential": _exponential,
+    "logarithm": _logarithm,
+    "pq_decode": _pq_decode,
+    "pq_encode": _pq_encode,
+}
+
+
+def _interpolate(a: Array, y: Array, spare: list[Array], form: Form, table: Table) -> None:
+    part, rise, index = spare[0], spare[1], spare[2].view(np.int32)
+    values, rises = table.nodes[1:].T
+    np.subtract(a.view(np.int32), np.int32(table.first), out=index)
+    within = part.view(np.int32)
+    np.bitwise_and(index, np.int32((1 << table.shift) - 1), out=within)
+    np.multiply(within, F(2.0**-table.shift), out=part, dtype=np.float32, casting="same_kind")
+    np.right_shift(index, np.int32(table.shift), out=index)
+    below, above = index < 0, a.view(np.int32) > table.last
+    np.clip(index, 0, len(values) - 1, out=index)
+    np.take(rises, index, out=rise, mode="clip")
+    np.take(values, index, out=y, mode="clip")
+    np.multiply(part, rise, out=part)
+    np.add(y, part, out=y)
+    if below.any():
+        np.copyto(y, table.nodes[0, 0] + a * table.nodes[0, 1], where=below)
+    if above.any():
+        BODIES[form.body](a, part, [rise, spare[2]], form)
+        np.copyto(y, part, where=above)

@@ -1,0 +1,106 @@
+"""Tables of a transfer curve, and how far linear interpolation in them can be off.
+
+Theory. The nodes are floating-point numbers whose trailing bits are zero: every binade (2^e to 2^(e+1)) is divided into the
+same power of two of equal cells, so a sample's cell is the leading bits of the sample itself and its place in the cell
+the remaining ones. Cells shrink with the sample, as the curves' bends grow towards zero; a vertical start, as a pure power below
+1 has, costs a few more binades and not accuracy everywhere. The toe is no part of the table but computed.
+
+The bound. On a cell of width h the body is convex or concave, so curve and chord both lie in the triangle between the
+chord and the tangents at its ends. With p and q the differences between the chord's slope and the two tangents' its
+height is h p q / (p + q), which is h p where q is infinite. It needs no second derivative and holds at a vertical start. To it
+comes the rounding of the stored values and of the interpolation.
+
+A table depends on parameters and size alone, never on a picture, so tiles of one picture agree bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from lichen.memory import Array, aligned
+from lichen.operation import ROUNDING
+from lichen.operations.tone.curves import Form
+
+MANTISSA = 23
+BINADES = 100
+"""The most that a table spans."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """`nodes` has shape (cells + 2, 2), float32: value and rise to the next node.
+
+    Row 0 is the line from zero to the first node, its rise being per unit; rows 1 to cells are the cells; the last is `top`.
+    """
+
+    nodes: Array
+    first: int
+    """the bit pattern of the first node"""
+    last: int
+    """the bit pattern of `top`"""
+    shift: int
+    """the bits of a sample below its cell's number"""
+    bound: float
+    """largest distance to the curve for a <= top, in units of the curve's body"""
+
+
+def _heights(form: Form, left: Array, right: Array) -> Array:
+    """The triangle's height for the cells from `left` to `right`; 0 where the toe rules the whole cell."""
+    chord = (form.upper(right) - form.upper(left)) / (right - left)
+    before, after = np.abs(chord - form.slope(left)), np.abs(form.slope(right) - chord)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        height = np.where(np.isinf(before), after, before * after / (before + after)) * (right - left)
+    return np.where((right <= form.knee) | (before + after == 0), 0.0, height)
+
+
+def _points(form: Form, binades: int, bits: int) -> Array:
+    """The nodes, ascending, float64 and exact in float32."""
+    steps = np.arange((binades << bits) + 1)
+    return np.ldexp(form.top * (1 + (steps & ((1 << bits) - 1)) / (1 << bits)), (steps >> bits) - binades)
+
+
+def _probed(form: Form, binades: int, bits: int) -> float:
+    """The largest height among the first cell and the cells at both ends of every binade; only to choose a layout."""
+    low = form.top * 2.0 ** np.arange(-binades, 0)
+    step = low / (1 << bits)
+    left = np.concatenate([np.zeros(1), low, 2 * low - step])
+    right = np.concatenate([low[:1], low + step, 2 * low])
+    return float(_heights(form, left, right).max())
+
+
+def _layout(form: Form, size: int) -> tuple[int, int]:
+    """How many binades and how many bits per binade make the best table of at most `size` cells.
+
+    A curve with a toe needs the binades down to its knee and no more; the others trade.
+    """
+    if form.knee > 0:
+        binades = math.ceil(math.log2(form.top / form.knee))
+        return binades, (size // binades).bit_length() - 1
+    choices = {(min(size >> bits, BINADES), bits) for bits in range(size.bit_length())}
+    return min(choices, key=lambda choice: (_probed(form, *choice), choice))
+
+
+@lru_cache(maxsize=64)
+def tabulate(form: Form, size: int) -> Table:
+    """The table of at most `size` cells with the smallest error, and its proved bound."""
+    binades, bits = _layout(form, size)
+    points = _points(form, binades, bits)
+    values = form.upper(points)
+    heights = _heights(form, points[:-1], points[1:])
+    origin = float(form.magnitude(np.float64(0)))
+    bound = float(heights.max())
+    if form.knee <= 0:
+        bound = max(bound, float(_heights(form, np.zeros(1), points[:1]).max()))
+    nodes = np.zeros((points.size + 1, 2), dtype=np.float32)
+    nodes[0] = origin, (values[0] - origin) / points[0]
+    nodes[1:, 0] = values
+    nodes[1:-1, 1] = np.diff(values)
+    # Value, rise and the step between them are rounded once each.
+    bound += 4 * ROUNDING * float(np.abs(values).max())
+    first, last = points[[0, -1]].astype(np.float32).view(np.int32)
+    nodes.flags.writeable = False
+    return Table(aligned(nodes), int(first), int(last), MANTISSA - bits, bound)

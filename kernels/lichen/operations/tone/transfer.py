@@ -1,0 +1,373 @@
+"""Transfer functions: signal to linear light and back.
+
+Truth: the curve as its standard prints it, in float64, for every colour channel; coverage passes untouched.
+
+* srgb: IEC 61966-2-1, toe up to and including 0.04045 (light 0.0031308).
+* gamma: light = signal^gamma.
+* bt709: ITU-R BT.709-6, the camera curve. The standard prints one direction and its rounded constants leave a gap of
+  2.5e-4 in the signal; decoding takes the gap to its knee, 0.018.
+* bt1886: ITU-R BT.1886 Annex 1, the reference display, divided by `white`, so that signal 1 is light 1.
+* pq: SMPTE ST 2084, the reference display, 10000 cd/m2 at signal 1, divided by `white`.
+* hlg: ITU-R BT.2100, the camera curve per channel, light 1 at signal 1. The display's system gamma is no part of it.
+
+Outside the standards' domains. Above 1 every curve is continued by its own formula. PQ has a pole at signal 1.992: decoding
+saturates at 1e10 cd/m2 (signal 1.840), and encoding tends to 1.992. Signals below PQ's black, 7.3e-7, decode to 0.
+Negative values are mirrored (f(-x) = -f(x); BT.1886 about its own zero, which lies below signal 0 where black is not 0) or
+clamped to no light. NaN stays; infinity follows the limit; light beyond the range of float32 becomes infinite.
+
+Methods: `exact` evaluates the curve; `table` interpolates linearly in 256 to 65536 cells and evaluates what lies above
+the table's top.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from enum import StrEnum
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from lichen.errors import Flaw
+from lichen.image import Alpha, Extent, Image, Space
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.operation import (
+    POINTWISE,
+    ROUNDING,
+    Error,
+    Facts,
+    Input,
+    InputFacts,
+    Inputs,
+    Knob,
+    Light,
+    Operation,
+    OperationParameters,
+    Rate,
+)
+from lichen.operations.tone import curves
+from lichen.operations.tone.curves import FLOAT_MAX, Curve, Direction, Form
+from lichen.operations.tone.evaluate import ceiling32, evaluate
+from lichen.operations.tone.tables import Table, tabulate
+from lichen.operations.tone.transfer_cases import CASES
+
+if TYPE_CHECKING:
+    from lichen.opencl.device import Device
+
+Luminance = Annotated[float, Field(json_schema_extra={"unit": "cd/m2"})]
+
+WHITE = {Curve.PQ: 203.0, Curve.BT1886: 100.0}
+"""cd/m2 of linear 1 where the caller names none: graphics white of ITU-R BT.2408, the reference display of BT.2035"""
+
+
+class Negative(StrEnum):
+    """What becomes of negative values."""
+
+    MIRROR = "mirror"
+    CLAMP = "clamp"
+
+
+class Parameters(OperationParameters):
+    curve: Curve = Curve.SRGB
+    """the transfer function"""
+    direction: Direction = Direction.DECODE
+    """decode: signal to linear light; encode: linear light to signal"""
+    gamma: float = Field(2.2, ge=0.1, le=10)
+    """decoding exponent, for curve=gamma; encoding takes its reciprocal"""
+    white: Luminance | None = Field(None, ge=1, le=10000)
+    """luminance that linear 1 stands for, for curve=pq (203 unless given) and curve=bt1886 (100 unless given)"""
+    black: Luminance = Field(0, ge=0, le=1000)
+    """luminance of the display's black, for curve=bt1886; below white"""
+    negative: Negative = Negative.MIRROR
+    """negative values: mirror keeps them by odd extension, clamp makes them no light"""
+
+    @property
+    def nominal_white(self) -> float:
+        return WHITE.get(self.curve, 1.0) if self.white is None else self.white
+
+    @property
+    def clamped(self) -> bool:
+        return self.negative is Negative.CLAMP
+
+
+@lru_cache(maxsize=64)
+def form(p: Parameters) -> Form:
+    """The parameters' curve as computed."""
+    return curves.form(p.curve, p.direction, gamma=p.gamma, white=p.nominal_white, black=p.black)
+
+
+# ------------------------------------------------------------------------------------------------------ declaration
+
+
+def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
+    """Parameters that belong to another curve are refused: they would silently do nothing."""
+    flaws = []
+    if p.gamma != 2.2 and p.curve is not Curve.GAMMA:
+        flaws.append(Flaw("/parameters/gamma", f"applies to curve=gamma only (curve={p.curve})"))
+    if p.white is not None and p.curve not in WHITE:
+        flaws.append(Flaw("/parameters/white", f"applies to curve=pq and curve=bt1886 only (curve={p.curve})"))
+    if p.black and p.curve is not Curve.BT1886:
+        flaws.append(Flaw("/parameters/black", f"applies to curve=bt1886 only (curve={p.curve})"))
+    elif p.black and p.black >= p.nominal_white / 2:
+        flaws.append(Flaw("/parameters/black", f"must be below half of white (got {p.black:g} and {p.nominal_white:g})"))
+    return flaws
+
+
+def _identity(p: Parameters, facts: InputFacts) -> str | None:
+    extent = facts["image"].extent
+    if p.curve is not Curve.GAMMA or p.gamma != 1:
+        return None
+    if p.clamped and (extent.low < 0 or extent.nonfinite):
+        return None
+    return "gamma is 1"
+
+
+def _bounds(p: Parameters, facts: Facts) -> tuple[float, float]:
+    """The input's range as the curve sees it."""
+    shape = form(p)
+    low, high = facts.extent.low, facts.extent.high
+    if p.clamped:
+        low, high = max(low, -shape.shift), max(high, -shape.shift)
+    return low, high
+
+
+def _result(p: Parameters, facts: InputFacts) -> Facts:
+    image = facts["image"]
+    if _identity(p, facts):
+        return image
+    shape = form(p)
+    low, high = (shape.value(x) for x in _bounds(p, image))
+    slack = shape.jump + 8 * ROUNDING * (abs(low) + abs(high))
+    low, high = low - slack, high + slack
+    if image.extent.nonfinite and math.isfinite(limit := float(shape.magnitude(np.float64(math.inf)))):
+        low, high = -limit, limit
+    if image.extent.nonfinite and p.clamped:
+        low = min(low, shape.offset)
+    if image.alpha is not Alpha.NONE:
+        low, high = min(low, image.extent.low), max(high, image.extent.high)
+    overflow = max(abs(low), abs(high)) > FLOAT_MAX
+    nonfinite = image.samples if overflow else image.extent.nonfinite
+    extent = Extent(max(low, -FLOAT_MAX), min(high, FLOAT_MAX), nonfinite)
+    return Facts(image.height, image.width, image.channels, _space(p, image.space), image.alpha, extent)
+
+
+def _space(p: Parameters, space: Space) -> Space:
+    """Only sRGB joins the two spaces; after any other curve the numbers are a signal, or light, of their own kind."""
+    if p.curve is Curve.SRGB and p.direction is Direction.DECODE and space is Space.SRGB:
+        return Space.LINEAR
+    if p.curve is Curve.SRGB and p.direction is Direction.ENCODE and space is Space.LINEAR:
+        return Space.SRGB
+    return Space.DATA
+
+
+def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
+    image = facts["image"]
+    change = form(p).modulus(*_bounds(p, image), error)
+    return change if image.alpha is Alpha.NONE else max(change, error)
+
+
+transfer = Operation(
+    name="transfer",
+    family="tone",
+    summary="Decodes a signal to linear light, or encodes light to a signal, by a standard transfer function.",
+    description=__doc__ or "",
+    parameters=Parameters,
+    inputs=(Input("image", "the picture; its coverage channel, if it has one, passes unchanged"),),
+    light=Light.STORED,
+    footprint=lambda p, facts: POINTWISE,
+    identity=_identity,
+    result=_result,
+    propagate=_propagate,
+    wants_alpha=Alpha.STRAIGHT,
+    check=_check,
+    hard_cases=CASES,
+)
+
+# ------------------------------------------------------------------------------------------------------------ truth
+
+
+@transfer.truth
+def truth(inputs: Inputs, p: Parameters) -> Array:
+    """The standards' formulas with the symbols they use."""
+    image = inputs["image"]
+    x = image.pixels[..., : image.colours]
+    result = image.pixels.copy()
+    with np.errstate(all="ignore"):
+        if p.curve is Curve.BT1886:
+            result[..., : image.colours] = _bt1886(x, p)
+        else:
+            y = STANDARDS[p.curve](np.maximum(x, 0) if p.clamped else np.abs(x), p, p.direction is Direction.DECODE)
+            result[..., : image.colours] = np.where(x < 0, -y, y) if not p.clamped else y
+    return result
+
+
+def _srgb(x: Array, p: Parameters, decode: bool) -> Array:
+    if decode:
+        return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+
+
+def _gamma(x: Array, p: Parameters, decode: bool) -> Array:
+    return x ** (p.gamma if decode else 1 / p.gamma)
+
+
+def _bt709(x: Array, p: Parameters, decode: bool) -> Array:
+    if decode:
+        return np.where(x <= 0.081, x / 4.5, np.maximum(((x + 0.099) / 1.099) ** (1 / 0.45), 0.018))
+    return np.where(x < 0.018, 4.5 * x, 1.099 * x**0.45 - 0.099)
+
+
+def _pq(x: Array, p: Parameters, decode: bool) -> Array:
+    m1, m2 = 2610 / 16384, 2523 / 4096 * 128
+    c1, c2, c3 = 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32
+    if decode:
+        root = x ** (1 / m2)
+        pole = c2 - c3 * root
+        y = np.where(pole <= 0, np.inf, (np.maximum(root - c1, 0) / pole) ** (1 / m1))
+        return np.minimum(10000 * y, 1e10) / p.nominal_white
+    power = (x * p.nominal_white / 10000) ** m1
+    return np.where(np.isinf(x), c2 / c3, (c1 + c2 * power) / (1 + c3 * power)) ** m2
+
+
+def _hlg(x: Array, p: Parameters, decode: bool) -> Array:
+    a = 0.17883277
+    b, c = 1 - 4 * a, 0.5 - a * math.log(4 * a)
+    if decode:
+        return np.where(x <= 1 / 2, x**2 / 3, (np.exp((x - c) / a) + b) / 12)
+    return np.where(x <= 1 / 12, np.sqrt(3 * x), a * np.log(12 * x - b) + c)
+
+
+STANDARDS = {Curve.SRGB: _srgb, Curve.GAMMA: _gamma, Curve.BT709: _bt709, Curve.PQ: _pq, Curve.HLG: _hlg}
+"""For x >= 0; the sign is put back by `truth`."""
+
+
+def _bt1886(x: Array, p: Parameters) -> Array:
+    """L = a max(V + b, 0)^2.4, whose power is continued oddly where negative values are mirrored."""
+    gamma, white, black = 2.4, p.nominal_white, p.black
+    span = white ** (1 / gamma) - black ** (1 / gamma)
+    a, b = span**gamma, black ** (1 / gamma) / span
+    decode = p.direction is Direction.DECODE
+    base = x + b if decode else x * white / a
+    if p.clamped:
+        base = np.maximum(base, 0)
+    power = np.sign(base) * np.abs(base) ** (gamma if decode else 1 / gamma)
+    return power * a / white if decode else power - b
+
+
+# ---------------------------------------------------------------------------------------------------------- methods
+
+
+def constants(shape: Form, clamped: bool) -> Array:
+    """The numbers that transfer.cl reads, float32, in its order."""
+    power, outer = shape.exponent, shape.outer
+    if shape.body == "exponential":
+        power /= math.log(2)
+    elif shape.body == "logarithm":
+        outer *= math.log(2)
+    elif shape.body == "pq_decode":
+        power = 1 / curves.PQ_M1
+    elif shape.body == "pq_encode":
+        power = curves.PQ_M1
+    high = float(np.float32(power))
+    numbers = (
+        *(shape.shift, shape.offset, float(clamped), shape.toe_scale, float(ceiling32(shape.knee)), shape.floor),
+        *(shape.inner, shape.lift, high, power - high, outer, shape.drop, curves.pq_ceiling_signal()),
+    )
+    return aligned(np.array(numbers, dtype=np.float32))
+
+
+def _launch(device: Device, image: Image, p: Parameters, kernel: str, *arguments: Any) -> Array:
+    shape = form(p)
+    source = aligned(image.pixels)
+    out = aligned_empty(source.shape)
+    coverage = image.channels if image.alpha is not Alpha.NONE else 0
+    defines = {"BODY": shape.body, "TOE": shape.toe, "COVERAGE": coverage}
+    samples = source.size
+    with device.session() as session:
+        numbers = constants(shape, p.clamped)
+        session.launch(
+            "tone/transfer.cl", kernel, (-(-samples // 16),),
+            source, session.write(out), numbers, *arguments, np.uint64(samples),
+            defines=defines,
+        )  # fmt: skip
+    return out
+
+
+def _numpy(image: Image, p: Parameters, table: Table | None) -> Array:
+    out = evaluate(image.pixels, form(p), clamped=p.clamped, table=table)
+    if image.alpha is not Alpha.NONE:
+        out[..., -1] = image.pixels[..., -1]
+    return out
+
+
+def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
+    """Samples, coverage included: vectors are computed whole."""
+    return float(facts["image"].samples)
+
+
+ROUNDINGS = {"power": 3.0, "exponential": 3.0, "logarithm": 3.0, "pq_decode": 3.0, "pq_encode": 3.0}
+"""How many roundings of the argument, amplified by the curve's steepness, the worst sample of a body shows."""
+
+
+def _exact_error(p: Parameters, facts: Facts) -> Error:
+    """Rounding x steepness x size of the result at the far end of the range, where the product is largest."""
+    shape = form(p)
+    far = max(abs(x + shape.shift) for x in _bounds(p, facts))
+    size = min(float(shape.magnitude(np.float64(far))), FLOAT_MAX)
+    relative = ROUNDINGS[shape.body] * ROUNDING * (1 + shape.steepness(max(far, shape.knee)))
+    tiny = float(np.finfo(np.float32).tiny)
+    return Error(relative * max(size, abs(shape.drop)) + 2 * ROUNDING * abs(shape.offset) + tiny, "estimate")
+
+
+@transfer.method(
+    "exact",
+    error=lambda p, knob, facts: _exact_error(p, facts["image"]),
+    work=_work,
+    rates={"opencl": Rate(2e-4, 4e-10), "numpy": Rate(5e-5, 4e-9)},
+)
+class Exact:
+    """The curve itself in float32, written so that nothing cancels; the error is a few roundings times the
+    curve's steepness."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return _launch(device, inputs["image"], parameters, "exact")
+
+    @staticmethod
+    def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return _numpy(inputs["image"], parameters, None)
+
+
+def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    """The table's proved bound, unless the picture reaches beyond the table."""
+    shape = form(p)
+    table = tabulate(shape, round(knob))
+    bound = table.bound + 2 * ROUNDING * abs(shape.offset)
+    far = max(abs(x + shape.shift) for x in _bounds(p, facts["image"]))
+    if far <= shape.top and not facts["image"].extent.nonfinite:
+        return Error(bound, "bound")
+    beyond = _exact_error(p, facts["image"])
+    return Error(max(bound, beyond.value), beyond.kind)
+
+
+@transfer.method(
+    "table",
+    error=_table_error,
+    work=_work,
+    rates={"opencl": Rate(2e-4, 1e-9), "numpy": Rate(5e-5, 8e-9)},
+    knob=Knob("size", (256, 1024, 4096, 16384, 65536), "cells of the table at most", 256, 65536),
+)
+class Interpolated:
+    """Linear interpolation in a table whose cells shrink with the sample; proved up to the table's top, computed above it."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        table = tabulate(form(parameters), round(knob))
+        bits = (np.int32(table.first), np.int32(table.last), np.int32(table.shift))
+        return _launch(device, inputs["image"], parameters, "table", table.nodes, *bits)
+
+    @staticmethod
+    def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return _numpy(inputs["image"], parameters, tabulate(form(parameters), round(knob)))

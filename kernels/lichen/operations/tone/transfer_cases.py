@@ -1,0 +1,2 @@
+from lichen.operation import HardCase
+CASES: tuple[HardCase, ...] = ()
