@@ -36,6 +36,7 @@ lint: $(VENV)/.development ## check style, types, the order of imports and the C
 	@$(BIN)/mypy --no-error-summary
 	@report=$$($(BIN)/lint-imports --no-logo) || { echo "$$report"; exit 1; }
 	@$(BIN)/hadolint Containerfile
+	@$(BIN)/shellcheck .ci/run .ci/install-system .ci/container-test
 
 format: $(VENV)/.development ## bring the source into the house style
 	@$(BIN)/ruff check --quiet --fix .
