@@ -1,0 +1,185 @@
+"""What a file format is, what a header tells, and which limits hold before a decoder sees the bytes.
+
+A format is one module with three functions, always in the same order:
+
+* `read_header(data) -> Header` parses the header itself, in plain Python, and trusts nothing: every offset is checked.
+* `read_samples(data, header) -> Array` gives the samples as stored, shape (rows, columns, channels), not yet upright.
+* `write(samples, image, quality) -> bytes` writes samples that already have the storage of the file.
+
+The facade in `lichen.files` does what is common to all: recognising, limits, turning upright, scaling, quantising.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lichen.errors import Flaw, InvalidRequest, TooLarge, UnreadableImage, UnsupportedFormat
+from lichen.image import Alpha, Image, Space, Storage
+from lichen.memory import Array
+
+Data = bytes | bytearray | memoryview
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """The largest image that is decoded. `bytes` counts the decoded samples in memory, at four bytes or more each."""
+
+    pixels: int = 100_000_000
+    side: int = 65_536
+    channels: int = 64
+    bytes: int = 1 << 31
+
+
+@dataclass(frozen=True)
+class Header:
+    """What the first bytes of a file say. Width and height are those of the upright picture."""
+
+    format: str
+    width: int
+    height: int
+    channels: int
+    storage: Storage
+    space: Space
+    alpha: Alpha = Alpha.NONE
+    pages: int = 1
+    """pictures in the file; only the first is decoded"""
+    orientation: int = 1
+    """how the stored rows lie, as EXIF counts it; 5 to 8 swap width and height"""
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    details: Any = None
+    """what the format's own reader needs later"""
+
+    @property
+    def decoded_bytes(self) -> int:
+        """Memory of the decoded image."""
+        return self.width * self.height * self.channels * (8 if self.storage is Storage.FLOAT64 else 4)
+
+    @property
+    def stored_shape(self) -> tuple[int, int, int]:
+        rows, columns = (self.height, self.width) if self.orientation < 5 else (self.width, self.height)
+        return rows, columns, self.channels
+
+    def check(self, limits: Limits) -> None:
+        """Raises `TooLarge` naming every limit that is crossed; its `limit` and `actual` are those of the first."""
+        claims = (
+            ("width", "px", self.width, limits.side),
+            ("height", "px", self.height, limits.side),
+            ("pixels", "px", self.width * self.height, limits.pixels),
+            ("channels", "", self.channels, limits.channels),
+            ("bytes", "bytes decoded", self.decoded_bytes, limits.bytes),
+        )
+        crossed = [claim for claim in claims if claim[2] > claim[3]]
+        if crossed:
+            raise TooLarge(
+                f"The {self.format} header claims {self.width}x{self.height} with {self.channels} channels.",
+                [Flaw(f"/image/{name}", f"{actual} {unit}, at most {limit}") for name, unit, actual, limit in crossed],
+                limit=crossed[0][3],
+                actual=crossed[0][2],
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Encoded:
+    """A file in memory, and what the integers of its storage could not hold."""
+
+    data: bytes
+    media_type: str
+    clipped: int = 0
+    """finite samples that lay outside the storage's range and were moved to its end"""
+    nonfinite: int = 0
+    """NaN (written as 0) and infinite samples (written as the end of the range) in an integer storage"""
+
+
+@dataclass(frozen=True)
+class Format:
+    """One file format: what it can hold, and its three functions."""
+
+    name: str
+    media_types: tuple[str, ...]
+    """the first is the one Lichen sends"""
+    extensions: tuple[str, ...]
+    storages: tuple[Storage, ...]
+    """what it can write"""
+    largest_side: int
+    lossy: bool
+    """whether `quality` means anything"""
+    recognises: Callable[[bytes], bool]
+    """from the first 16 bytes"""
+    natural_space: Callable[[Storage], Space]
+    """the space of a file that does not name one"""
+    unfit: Callable[[Image], str | None]
+    """why it cannot hold channels like these, or None"""
+    association: Alpha | None
+    """the one kind of coverage it can hold; None: any"""
+    read_header: Callable[[memoryview], Header]
+    read_samples: Callable[[memoryview, Header], Array]
+    write: Callable[[Array, Image, int | None], bytes]
+
+    @property
+    def media_type(self) -> str:
+        return self.media_types[0]
+
+    def storage_for(self, storage: Storage) -> Storage:
+        """The storage an image is written in when none is asked for: its own, else the nearest richer, else poorer."""
+        return next(choice for choice in _PREFERENCE[storage] if choice in self.storages)
+
+    def check(self, image: Image, storage: Storage, quality: int | None) -> None:
+        """Raises `UnsupportedFormat` or `InvalidRequest` where the file could not say what the image is."""
+        flaws = []
+        if storage not in self.storages:
+            flaws.append(Flaw("/storage", f"{self.name} holds {' or '.join(self.storages)}, not {storage}"))
+        if max(image.width, image.height) > self.largest_side:
+            flaws.append(Flaw("/image", f"{image.width}x{image.height} px; {self.name} ends at {self.largest_side} px"))
+        if reason := self.unfit(image):
+            flaws.append(Flaw("/image/channels", reason))
+        if flaws:
+            raise UnsupportedFormat(f"The image cannot be written as {self.name}.", flaws)
+        if quality is not None and not (self.lossy and 0 <= quality <= 100):
+            reason = "is from 0 to 100" if self.lossy else f"means nothing for {self.name}, which loses nothing"
+            raise InvalidRequest("The quality is not valid.", [Flaw("/quality", reason)])
+        if image.alpha not in (Alpha.NONE, self.association or image.alpha):
+            raise InvalidRequest(
+                f"{self.name} holds {self.association} alpha only; convert the image before encoding it.",
+                [Flaw("/image/alpha", f"is {image.alpha}")],
+            )
+
+
+_PREFERENCE: Mapping[Storage, tuple[Storage, ...]] = {
+    Storage.UINT8: (Storage.UINT8, Storage.FLOAT16),
+    Storage.UINT16: (Storage.UINT16, Storage.FLOAT32, Storage.UINT8),
+    Storage.FLOAT16: (Storage.FLOAT16, Storage.FLOAT32, Storage.UINT16, Storage.UINT8),
+    Storage.FLOAT32: (Storage.FLOAT32, Storage.UINT16, Storage.UINT8),
+    Storage.FLOAT64: (Storage.FLOAT64, Storage.FLOAT32, Storage.UINT16, Storage.UINT8),
+}
+
+
+def take(data: memoryview, start: int, size: int, what: str) -> memoryview:
+    """The bytes [start, start + size), or `UnreadableImage` where the file ends before."""
+    if start < 0 or size < 0 or start + size > len(data):
+        raise UnreadableImage(f"The file ends after {len(data)} bytes, inside its {what}.")
+    return data[start : start + size]
+
+
+def unpack(layout: str, data: memoryview, start: int, what: str) -> tuple[Any, ...]:
+    """`struct.unpack` at an offset, or `UnreadableImage` where the file ends before."""
+    return struct.unpack(layout, take(data, start, struct.calcsize(layout), what))
+
+
+def picture_channels(name: str, grey_alpha: bool) -> Callable[[Image], str | None]:
+    """For formats of pictures: grey or colour, with or without coverage; plain data fills these channels in order."""
+
+    def unfit(image: Image) -> str | None:
+        if image.channels > 4:
+            return f"{image.channels} channels; {name} holds at most 4 (EXR, TIFF and NPY hold more)"
+        if image.channels == 2 and not grey_alpha:
+            return f"2 channels; {name} holds grey, colour, or colour with alpha (PNG, EXR, TIFF and NPY hold 2)"
+        if image.space is not Space.DATA and image.channels in (2, 4) and image.alpha is Alpha.NONE:
+            return f"{image.channels} channels without alpha; {name} would call the last one alpha"
+        if image.channels in (1, 3) and image.alpha is not Alpha.NONE:
+            return f"{image.colours} channels and alpha; {name} holds alpha beside grey or three colours only"
+        return None
+
+    return unfit

@@ -1,0 +1,156 @@
+"""JPEG: 8 bits, grey or colour, no alpha.
+
+Reading walks the markers for size, orientation, profile and kind of coding. The decoder runs strictly: whatever it
+would only warn about (a missing end, a damaged segment) is an error here, for half a picture is none. Four-colour files
+are refused, since their colours mean nothing without converting their profile; so are 12-bit, lossless,
+hierarchical and arithmetic-coded files.
+
+An opaque alpha channel is dropped in writing; any other is refused, since only a composition over a background
+that the caller chooses would give the picture he expects. From quality 90 on, colour is stored at full resolution.
+
+Sources: ITU-T T.81, annex B; ICC.1:2022, annex B.4; EXIF 2.32.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator
+
+import numpy as np
+import simplejpeg
+
+from lichen.errors import UnreadableImage, UnsupportedFormat
+from lichen.files import icc, ifd
+from lichen.files.format import Format, Header, take, unpack
+from lichen.image import Alpha, Image, Space, Storage
+from lichen.memory import Array
+
+QUALITY = 90
+_ICC = b"ICC_PROFILE\0"
+_EXIF = b"Exif\0\0"
+_SEGMENT = 65_519
+"""Bytes of profile that fit one segment beside its name and numbers."""
+_FRAMES = {0xC0, 0xC1, 0xC2}
+_OTHER_FRAMES = {0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF}
+_SCANS = 200
+"""More scans than this make a small file slow on purpose."""
+_AFTER_SCAN = re.compile(rb"\xff+[^\x00\xff\xd0-\xd7]", re.DOTALL)
+"""What ends entropy-coded data: any marker but a stuffed zero or a restart."""
+
+
+def _segments(data: memoryview) -> Iterator[tuple[int, memoryview]]:
+    """Marker and body of every segment up to the end of the image, over all scans."""
+    start = 2
+    while True:
+        if take(data, start, 2, "markers")[0] != 0xFF:
+            raise UnreadableImage(f"The JPEG file has no marker at byte {start}.")
+        marker = data[start + 1]
+        if marker == 0xFF:  # padding
+            start += 1
+            continue
+        start += 2
+        if marker == 0xD9:
+            return
+        if 0xD0 <= marker <= 0xD7 or marker == 0x01:
+            continue
+        size = unpack(">H", data, start, "segments")[0]
+        body = take(data, start, max(size, 2), "segments")[2:]
+        yield marker, body
+        start += max(size, 2)
+        if marker == 0xDA:
+            end = _AFTER_SCAN.search(data, start)
+            if end is None:
+                raise UnreadableImage("The JPEG file ends inside its image data.")
+            start = end.end() - 2
+
+
+def read_header(data: memoryview) -> Header:
+    orientation, profile = 1, {}
+    for marker, body in _segments(data):
+        if marker in _OTHER_FRAMES:
+            raise UnsupportedFormat("Only baseline and progressive JPEG with Huffman coding are supported.")
+        if marker == 0xE1 and bytes(body[:6]) == _EXIF:
+            orientation = ifd.orientation(body)
+        elif marker == 0xE2 and bytes(body[:12]) == _ICC and len(body) > 14:
+            profile[body[12]] = bytes(body[14:])
+        elif marker in _FRAMES:
+            return _header(body, orientation, b"".join(profile[i] for i in sorted(profile)) or None)
+    raise UnreadableImage("The JPEG file holds no frame.")
+
+
+def _header(frame: memoryview, orientation: int, profile: bytes | None) -> Header:
+    precision, height, width, count = unpack(">BHHB", frame, 0, "frame header")
+    if precision != 8:
+        raise UnsupportedFormat(f"JPEG of {precision} bits is not supported; 8 bits are.")
+    if count not in (1, 3):
+        raise UnsupportedFormat(f"JPEG of {count} components is not supported; grey and three colours are.")
+    if 0 in (width, height):
+        raise UnreadableImage(f"The JPEG header claims {width}x{height} pixels.")
+    factors = [take(frame, 6, 3 * count, "frame header")[3 * i + 1] for i in range(count)]
+    unit = 8 * max(f >> 4 for f in factors) * 8 * max(f & 15 for f in factors)
+    if not unit:
+        raise UnreadableImage("The JPEG sampling factors are not valid.")
+    blocks = width * height // unit
+    space, metadata = icc.read(profile, count, Space.SRGB)
+    if orientation >= 5:
+        width, height = height, width
+    return Header(
+        "jpeg", width, height, count, Storage.UINT8, space, orientation=orientation, metadata=metadata, details=blocks
+    )
+
+
+def read_samples(data: memoryview, header: Header) -> Array:
+    if len(data) * 8 < header.details:  # each block takes a bit at least
+        raise UnreadableImage(f"{len(data)} bytes of JPEG cannot hold {header.width}x{header.height} pixels.")
+    scans = sum(marker == 0xDA for marker, _ in _segments(data))
+    if scans > _SCANS:
+        raise UnreadableImage(f"The JPEG file holds {scans} scans; no more than {_SCANS} make sense.")
+    try:
+        samples: Array = simplejpeg.decode_jpeg(data, colorspace="GRAY" if header.channels == 1 else "RGB", strict=True)
+    except ValueError as failure:
+        raise UnreadableImage(f"The JPEG file is damaged: {failure}.") from None
+    return samples
+
+
+def write(samples: Array, image: Image, quality: int | None) -> bytes:
+    quality = QUALITY if quality is None else quality
+    if image.alpha is not Alpha.NONE:
+        samples = np.ascontiguousarray(samples[:, :, :-1])
+    kind = "GRAY" if samples.shape[2] == 1 else "RGB"
+    plain: bytes = simplejpeg.encode_jpeg(samples, max(quality, 1), kind, "444" if quality >= 90 else "420")
+    profile = icc.to_write(image, Space.SRGB, image.colours)
+    if not profile:
+        return plain
+    first = 4 + struct.unpack(">H", plain[4:6])[0] if plain[2:4] == b"\xff\xe0" else 2  # profiles follow JFIF's segment
+    pieces = [profile[i : i + _SEGMENT] for i in range(0, len(profile), _SEGMENT)]
+    segments = [
+        struct.pack(">HH", 0xFFE2, 16 + len(piece)) + _ICC + bytes([number, len(pieces)]) + piece
+        for number, piece in enumerate(pieces, 1)
+    ]
+    return b"".join([plain[:first], *segments, plain[first:]])
+
+
+def _unfit(image: Image) -> str | None:
+    if image.colours not in (1, 3):
+        return f"{image.colours} channels; jpeg holds grey or three colours (PNG, EXR, TIFF and NPY hold more)"
+    if image.alpha is not Alpha.NONE and not bool((image.pixels[:, :, -1] == 1).all()):
+        return "alpha; jpeg cannot hold it: put the image over a background first, or ask for PNG or WebP"
+    return None
+
+
+jpeg = Format(
+    name="jpeg",
+    media_types=("image/jpeg", "image/jpg", "image/pjpeg"),
+    extensions=(".jpg", ".jpeg", ".jpe"),
+    storages=(Storage.UINT8,),
+    largest_side=65_500,
+    lossy=True,
+    recognises=lambda head: head.startswith(b"\xff\xd8\xff"),
+    natural_space=lambda storage: Space.SRGB,
+    unfit=_unfit,
+    association=None,
+    read_header=read_header,
+    read_samples=read_samples,
+    write=write,
+)
