@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from lichen.errors import Flaw, InvalidRequest
 from lichen.memory import Array, aligned, aligned_empty
@@ -173,3 +174,15 @@ def measure_extent(pixels: Array) -> Extent:
             smallest, largest = float(finite.min()), float(finite.max())
         low, high = min(low, smallest), max(high, largest)
     return Extent(low, high, nonfinite) if low <= high else Extent(0.0, 0.0, nonfinite)
+
+
+def repaired(image: Image) -> Image:
+    """Each non-finite value replaced by the mean of the finite ones among its eight neighbours, 0 if there is none."""
+    pixels = image.pixels
+    finite = np.isfinite(pixels)
+    clean = np.where(finite, pixels, 0).astype(np.float64)
+    window = ((1, 1), (1, 1), (0, 0))
+    total = sliding_window_view(np.pad(clean, window), (3, 3), (0, 1)).sum(axis=(-2, -1))
+    count = sliding_window_view(np.pad(finite, window), (3, 3), (0, 1)).sum(axis=(-2, -1))
+    mean = np.divide(total, count, out=np.zeros_like(total), where=count > 0)
+    return image.replace(pixels=aligned(np.where(finite, pixels, mean), pixels.dtype))

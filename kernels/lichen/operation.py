@@ -61,6 +61,7 @@ class OperationParameters(BaseModel):
 
 
 P = TypeVar("P", bound=OperationParameters)
+P_contra = TypeVar("P_contra", bound=OperationParameters, contravariant=True)
 
 # -------------------------------------------------------------------------------------------- inputs and geometry
 
@@ -143,11 +144,14 @@ class Error:
     """The largest absolute difference from truth, in output units, over all finite pixels, borders included.
 
     `kind` says how it is known: a `bound` is proved, an `estimate` comes from a calibration corpus, and a `measured`
-    error was found on this very image.
+    error was found on this very image. `rounding` is the part of `value` that is the rounding of float32 arithmetic:
+    what a caller who asks for nothing accepts anyway. Underflow is not counted: no difference below the smallest normal
+    float32 breaks a bound.
     """
 
     value: float
     kind: Literal["bound", "estimate", "measured"]
+    rounding: float = 0.0
 
     def __str__(self) -> str:
         return f"{self.value:.3g} ({self.kind})"
@@ -177,14 +181,14 @@ class Rate:
     step: float
 
 
-class Implementation(Protocol[P]):
+class Implementation(Protocol[P_contra]):
     """The bodies of a method: a class without state whose two functions return an array of the output's shape."""
 
     @staticmethod
-    def opencl(device: Device, inputs: Inputs, parameters: P, knob: float) -> Array: ...
+    def opencl(device: Device, inputs: Inputs, parameters: P_contra, knob: float, /) -> Array: ...
 
     @staticmethod
-    def numpy(inputs: Inputs, parameters: P, knob: float) -> Array: ...
+    def numpy(inputs: Inputs, parameters: P_contra, knob: float, /) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -253,11 +257,15 @@ class Operation(Generic[P]):
     result: Callable[[P, InputFacts], Facts] = lambda parameters, facts: _first(facts)
     """facts of the output; its extent must contain every finite output value"""
     propagate: Callable[[P, InputFacts, float], float] = lambda parameters, facts, error: error
-    """the largest change of the output when the first input changes by at most `error` (the modulus of continuity)"""
+    """the largest change of the output when the pictures change by at most `error` (the modulus of continuity)"""
+    inverse: Callable[[P], P | None] = lambda parameters: None
+    """parameters with which this operation undoes itself, or None"""
     wants_alpha: Alpha | None = None
     """the kind of alpha the definition holds for, where the input has one; None: alpha is a channel like the others"""
     check: Callable[[P, InputFacts], list[Flaw]] = lambda parameters, facts: []
     """flaws that only parameters and inputs together show, found before any pixel is computed"""
+    examples: tuple[Mapping[str, Any], ...] = ({},)
+    """parameter sets that show what it does; tests, benchmarks and documentation run all of them"""
     hard_cases: tuple[HardCase, ...] = ()
     description: str = ""
     methods: dict[str, Method[P]] = field(default_factory=dict, init=False)

@@ -1,0 +1,75 @@
+"""The numbers behind a Gaussian blur: taps and how many are needed, modes and how many are needed.
+
+The kernel is exp(-k^2 / 2 sigma^2) at integers k, normalised to sum to 1 over all of them. Over `size` reflecting
+samples a pass with it has the cosine modes cos(pi m (x + 1/2) / size) as eigenvectors, and as eigenvalues the kernel's
+spectrum at pi m / size: by Poisson's formula again Gaussians.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from lichen.memory import Array, aligned
+
+Vector = npt.NDArray[np.float64]
+BARELY = 1e-17
+"""Weight below which a tap changes nothing even in float64."""
+
+
+@lru_cache(maxsize=64)
+def half_kernel(sigma: float) -> Vector:
+    """Weights of k = 0, 1, 2 ... until they no longer matter in float64, of the kernel that sums to 1."""
+    reach = math.ceil(sigma * math.sqrt(-2 * math.log(BARELY))) + 1
+    weights = np.exp(-0.5 * np.square(np.arange(reach + 1) / sigma)) if sigma else np.array([1.0, 0.0])
+    total: Vector = weights / (weights[0] + 2 * math.fsum(weights[1:]))
+    return total
+
+
+@lru_cache(maxsize=256)
+def fir_radius(sigma: float, tail: float) -> tuple[int, float]:
+    """The smallest radius that leaves at most `tail` of the weight outside, and the weight it leaves."""
+    outside = 2 * np.cumsum(half_kernel(sigma)[::-1])[::-1]  # outside[r]: weight at distances >= r
+    radius = int(np.argmax(outside[1:] <= tail)) if outside[-1] <= tail else len(outside) - 2
+    return radius, float(outside[radius + 1])
+
+
+def fir_weights(sigma: float, tail: float) -> Vector:
+    """2r + 1 weights that sum to 1."""
+    radius, _ = fir_radius(sigma, tail)
+    half = half_kernel(sigma)[: radius + 1]
+    half = half / (half[0] + 2 * math.fsum(half[1:]))
+    return np.concatenate([half[:0:-1], half])
+
+
+def eigenvalues(sigma: float, size: int, count: int) -> Vector:
+    """Of the pass over `size` reflecting samples: modes 0 to `count` - 1, each in (0, 1]."""
+    angles = np.pi * np.arange(count) / size
+    if sigma < 2:
+        half = half_kernel(sigma)
+        direct: Vector = half[0] + 2 * np.cos(np.outer(angles, np.arange(1, len(half)))) @ half[1:]
+        return direct
+    spectrum: Vector = np.exp(-0.5 * np.square(sigma * angles))
+    return spectrum  # the aliases of Poisson's sum lie below 1e-8 at worst, where they meet modes as small as they
+
+
+@lru_cache(maxsize=256)
+def dct_modes(sigma: float, size: int, tail: float) -> tuple[int, float]:
+    """How many modes are kept so that the eigenvalues of the others sum to at most `tail`, and that sum."""
+    reach = min(size, math.ceil(size / (math.pi * max(sigma, 0.1)) * math.sqrt(-2 * math.log(BARELY))) + 2)
+    left = np.append(np.cumsum(eigenvalues(sigma, size, reach)[::-1])[::-1], 0.0)
+    kept = max(int(np.argmax(left <= tail)), 1)
+    return kept, float(left[kept])
+
+
+@lru_cache(maxsize=16)
+def dct_bases(sigma: float, size: int, tail: float) -> tuple[Array, Array]:
+    """The forward (K, size) and the weighted inverse (size, K) matrix, float32; their product is the pass."""
+    kept, _ = dct_modes(sigma, size, tail)
+    modes = np.arange(kept)
+    waves = np.cos(np.pi / size * np.outer(modes, np.arange(size) + 0.5))
+    weights = eigenvalues(sigma, size, kept) * np.where(modes == 0, 1.0, 2.0)
+    return aligned(waves / size, np.float32), aligned((waves * weights[:, None]).T, np.float32)

@@ -1,0 +1,162 @@
+// Separable convolution in two passes over rows of floats, channels interleaved.
+//
+// columns: down the image. A strip of 32 floats is first gathered into private memory, so that images whose rows lie a
+//   power of two apart do not fight for the same cache sets; then eight output rows share each load.
+// margins: continues the rows left and right, after which no kernel has to know about borders.
+// rows: along the image, from a padded row; 64 floats at a time with four independent sums.
+//
+// No zero weight is ever multiplied with a sample: 0 x NaN would carry NaN beyond the kernel.
+
+#define STRIP 32
+#define BAND 64
+#define BLOCK 8
+#define SEGMENT 64
+#define RUN 1024
+
+// Multiply-add of one staged row into a pair of sums.
+#define TAP(j, t)                                                                                                      \
+    do {                                                                                                               \
+        low[j] = fma((float16)(weights[t]), a, low[j]);                                                                \
+        high[j] = fma((float16)(weights[t]), b, high[j]);                                                              \
+    } while (0)
+
+inline void store_strip(__global float *out, const float *sums, int count, int accumulate)
+{
+    for (int i = 0; i < count; i++)
+        out[i] = accumulate ? out[i] + sums[i] : sums[i];
+}
+
+// One item: rows [y, y + BAND) of one strip. `sources` holds for every row of the image and TAPS_FIRST .. beyond it the
+// row to read, or -1 for the constant. Taps are numbered from `first`, relative to the output row.
+__kernel void columns(__global const float *restrict in, __global const int *restrict sources,
+                      __global const float *restrict weights, __global float *restrict out, int height, int width,
+                      int out_stride, int out_offset, int count, float value, int accumulate)
+{
+    int x = get_global_id(0) * STRIP, y = get_global_id(1) * BAND;
+    if (x >= width || y >= height)
+        return;
+    float stage[(BAND + CHUNK) * STRIP];
+    int rows = min(BAND, height - y), wide = min(STRIP, width - x), staged = rows + count - 1;
+    for (int j = 0; j < staged; j++) {
+        int source = sources[y + j];
+        float *to = stage + j * STRIP;
+        __global const float *from = in + (size_t)max(source, 0) * width + x;
+        if (source < 0) {
+            vstore16((float16)value, 0, to);
+            vstore16((float16)value, 1, to);
+        } else if (wide == STRIP) {
+            vstore16(vload16(0, from), 0, to);
+            vstore16(vload16(1, from), 1, to);
+        } else {
+            for (int i = 0; i < STRIP; i++)
+                to[i] = i < wide ? from[i] : 0.0f;
+        }
+    }
+    __global float *row = out + (size_t)y * out_stride + out_offset + x;
+    int j = 0;
+    if (count >= BLOCK) {
+        for (; j + BLOCK <= rows; j += BLOCK) {
+            float16 low[BLOCK], high[BLOCK];
+            const float *p = stage + j * STRIP;
+            #pragma unroll
+            for (int i = 0; i < BLOCK; i++)
+                low[i] = high[i] = (float16)0.0f;
+            #pragma unroll
+            for (int t = 0; t < BLOCK - 1; t++) {
+                float16 a = vload16(0, p + t * STRIP), b = vload16(1, p + t * STRIP);
+                #pragma unroll
+                for (int i = 0; i <= t; i++)
+                    TAP(i, t - i);
+            }
+            for (int t = BLOCK - 1; t < count; t++) {
+                float16 a = vload16(0, p + t * STRIP), b = vload16(1, p + t * STRIP);
+                #pragma unroll
+                for (int i = 0; i < BLOCK; i++)
+                    TAP(i, t - i);
+            }
+            #pragma unroll
+            for (int s = 0; s < BLOCK - 1; s++) {
+                float16 a = vload16(0, p + (count + s) * STRIP), b = vload16(1, p + (count + s) * STRIP);
+                #pragma unroll
+                for (int i = s + 1; i < BLOCK; i++)
+                    TAP(i, count + s - i);
+            }
+            #pragma unroll
+            for (int i = 0; i < BLOCK; i++) {
+                __global float *to = row + (size_t)(j + i) * out_stride;
+                if (wide == STRIP && !accumulate) {
+                    vstore16(low[i], 0, to);
+                    vstore16(high[i], 1, to);
+                } else {
+                    float sums[STRIP];
+                    vstore16(low[i], 0, sums);
+                    vstore16(high[i], 1, sums);
+                    store_strip(to, sums, wide, accumulate);
+                }
+            }
+        }
+    }
+    for (; j < rows; j++) {
+        float16 low = (float16)0.0f, high = (float16)0.0f;
+        for (int t = 0; t < count; t++) {
+            low = fma((float16)(weights[t]), vload16(0, stage + (j + t) * STRIP), low);
+            high = fma((float16)(weights[t]), vload16(1, stage + (j + t) * STRIP), high);
+        }
+        float sums[STRIP];
+        vstore16(low, 0, sums);
+        vstore16(high, 1, sums);
+        store_strip(row + (size_t)j * out_stride, sums, wide, accumulate);
+    }
+}
+
+// One item: one row. `pixels` of margin on each side are filled from the row itself; -1 stands for the constant.
+__kernel void margins(__global float *restrict padded, __global const int *restrict sources, int height, int stride,
+                      int pixels, int width, int channels, float value)
+{
+    int y = get_global_id(0);
+    if (y >= height)
+        return;
+    __global float *row = padded + (size_t)y * stride, *inner = row + pixels * channels;
+    for (int i = 0; i < 2 * pixels; i++) {
+        int source = sources[i];
+        __global float *to = i < pixels ? row + i * channels : inner + (width + i - pixels) * channels;
+        for (int c = 0; c < channels; c++)
+            to[c] = source < 0 ? value : inner[source * channels + c];
+    }
+}
+
+// One item: RUN floats of one row.
+__kernel void rows(__global const float *restrict padded, __global const float *restrict weights,
+                   __global float *restrict out, int height, int width, int stride, int channels, int count)
+{
+    int start = get_global_id(0) * RUN, y = get_global_id(1);
+    if (start >= width || y >= height)
+        return;
+    int end = min(start + RUN, width);
+    for (int x = start; x < end; x += SEGMENT) {
+        __global const float *p = padded + (size_t)y * stride + x;
+        float16 s0 = (float16)0.0f, s1 = s0, s2 = s0, s3 = s0;
+        for (int t = 0; t < count; t++, p += channels) {
+            float16 w = (float16)(weights[t]);
+            s0 = fma(w, vload16(0, p), s0);
+            s1 = fma(w, vload16(1, p), s1);
+            s2 = fma(w, vload16(2, p), s2);
+            s3 = fma(w, vload16(3, p), s3);
+        }
+        __global float *to = out + (size_t)y * width + x;
+        if (x + SEGMENT <= width) {
+            vstore16(s0, 0, to);
+            vstore16(s1, 1, to);
+            vstore16(s2, 2, to);
+            vstore16(s3, 3, to);
+        } else {
+            float sums[SEGMENT];
+            vstore16(s0, 0, sums);
+            vstore16(s1, 1, sums);
+            vstore16(s2, 2, sums);
+            vstore16(s3, 3, sums);
+            for (int i = 0; i < width - x; i++)
+                to[i] = sums[i];
+        }
+    }
+}

@@ -1,0 +1,182 @@
+"""One pass of a symmetric kernel along one axis, and the products that transforms and long kernels come down to.
+
+`Steps` are the kernels of `passes.cl` and `products.cl` in a session, `pass_numpy` is a whole pass in NumPy. A kernel
+longer than the image is folded onto it by the border rule, which is exact and bounds the work.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from lichen.image import Image
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.opencl.device import Device
+from lichen.opencl.session import Session
+from lichen.operation import Border
+from lichen.operations.convolution.borders import OUTSIDE, continued
+
+Vector = npt.NDArray[np.float64]
+
+
+def folded(weights: Vector, size: int, border: Border) -> tuple[Vector, Vector]:
+    """The (size, size) matrix of one pass with every tap folded onto the image, and the constant's weight per row."""
+    taps = np.arange(len(weights)) - len(weights) // 2
+    period = {Border.REFLECT: 2 * size, Border.REFLECT101: max(2 * size - 2, 1), Border.WRAP: size}.get(border)
+    # Beyond one period taps repeat; beyond the image those of the other borders all read the same.
+    taps = taps % period if period else np.clip(taps, -size, size)
+    lowest = int(taps.min())
+    merged = np.bincount(taps - lowest, weights)
+    matrix, constant = np.zeros((size, size)), np.zeros(size)
+    rows = np.arange(size)
+    for tap, weight in enumerate(merged, lowest):
+        at = continued(rows + tap, size, border)
+        inside = at != OUTSIDE
+        matrix[rows[inside], at[inside]] += weight
+        constant[~inside] += weight
+    return matrix, constant
+
+
+STRIP, BAND, RUN = 32, 64, 1024  # as in passes.cl and products.cl
+CHUNKS = (32, 128, 512)
+"""Taps that one launch of the column kernel stages at most; one program each."""
+
+
+def separable_opencl(device: Device, image: Image, down: Vector, across: Vector, border: Border, value: float) -> Array:
+    """The image convolved with `down` along its columns and `across` along its rows; odd lengths, centred."""
+    height, width, channels = image.pixels.shape
+    out, radius = aligned_empty(image.pixels.shape), len(across) // 2
+    with device.session() as session:
+        steps = Steps(session, border, value)
+        # The last load of a row may run over by one segment.
+        padded = session.scratch((height, (width + 2 * radius) * channels + 64))
+        between = session.scratch(image.pixels.shape)
+        tall, wide = _folds(down, height, image), _folds(across, width, image)
+        if tall:
+            steps.multiply(*folded(down, height, border), image.pixels, between)
+        elif wide:
+            steps.columns(image.pixels, between, 0, down)
+        if wide:
+            turned, back = (session.scratch((width, height, channels)) for _ in range(2))
+            steps.flip(between, turned)
+            steps.multiply(*folded(across, width, border), turned, back)
+            steps.flip(back, out)
+        else:
+            source, taps = (between, np.ones(1)) if tall else (image.pixels, down)
+            steps.columns(source, padded, radius * channels, taps)
+            steps.margins(padded, width, channels, radius)
+            steps.rows(padded, out, across)
+    return out
+
+
+def separable_numpy(image: Image, down: Vector, across: Vector, border: Border, value: float) -> Array:
+    """The same in NumPy."""
+    pixels: Array = image.pixels
+    for axis, weights in ((0, down), (1, across)):
+        pixels = _pass_numpy(image, pixels, axis, weights, border, value)
+    return aligned(pixels)
+
+
+def _folds(weights: Vector, size: int, image: Image) -> bool:
+    """Whether a pass multiplies by the folded matrix: fewer terms, but its zeros would spread NaN."""
+    return len(weights) // 2 >= size or (len(weights) > size and not image.extent.nonfinite)
+
+
+class Steps:
+    """Kernels in a session, taking arrays whose shapes say the rest."""
+
+    def __init__(self, session: Session, border: Border, value: float = 0.0) -> None:
+        self.session = session
+        self.border = border
+        self.value = value
+
+    def multiply(self, matrix: Array, constant: Array | None, source: Array, target: Array) -> None:
+        """target = matrix x source over the first axis, plus the border's value times `constant`."""
+        count, depth = matrix.shape
+        width = source.size // depth
+        start = np.zeros(count) if constant is None else self.value * constant
+        self.session.launch(
+            "convolution/products.cl", "multiply", (-(-width // STRIP),),
+            aligned(matrix.T), source, aligned(start), self.session.write(target),
+            np.int32(count), np.int32(depth), np.int32(width), local=(1,),
+        )  # fmt: skip
+
+    def flip(self, source: Array, target: Array) -> None:
+        """Rows and columns exchanged."""
+        rows, columns, channels = source.shape
+        self.session.launch(
+            "convolution/products.cl", "flip", (columns, rows),
+            source, self.session.write(target), np.int32(rows), np.int32(columns), np.int32(channels),
+        )  # fmt: skip
+
+    def columns(self, source: Array, target: Array, offset: int, weights: Vector) -> None:
+        """One pass along the first axis into the rows of `target`, from its column `offset` on."""
+        height, width, stride = len(source), source.size // len(source), target.size // len(target)
+        chunk = next((size for size in CHUNKS if len(weights) <= size), CHUNKS[-1])
+        taps = weights.astype(np.float32)
+        for first in range(0, len(taps), chunk):
+            some = taps[first : first + chunk]
+            rows = np.arange(height + len(some) - 1) + first - len(taps) // 2
+            self.session.launch(
+                "convolution/passes.cl", "columns", (-(-width // STRIP), -(-height // BAND)),
+                source, self._sources(rows, height), aligned(some), self.session.readwrite(target), np.int32(height),
+                np.int32(width), np.int32(stride), np.int32(offset), np.int32(len(some)), np.float32(self.value),
+                np.int32(first > 0), local=(1, 1), defines={"CHUNK": chunk},
+            )  # fmt: skip
+
+    def margins(self, padded: Array, width: int, channels: int, radius: int) -> None:
+        """Fill `radius` pixels on both sides of every row."""
+        if radius:
+            beside = np.concatenate([np.arange(-radius, 0), np.arange(width, width + radius)])
+            self.session.launch(
+                "convolution/passes.cl", "margins", (len(padded),),
+                self.session.readwrite(padded), self._sources(beside, width), np.int32(len(padded)),
+                np.int32(padded.shape[1]), np.int32(radius), np.int32(width), np.int32(channels),
+                np.float32(self.value), local=(1,), defines={"CHUNK": CHUNKS[0]},
+            )  # fmt: skip
+
+    def rows(self, padded: Array, target: Array, weights: Vector) -> None:
+        """One pass along the padded rows."""
+        height, width, channels = target.shape
+        self.session.launch(
+            "convolution/passes.cl", "rows", (-(-width * channels // RUN), height),
+            padded, aligned(weights), self.session.write(target), np.int32(height), np.int32(width * channels),
+            np.int32(padded.shape[1]), np.int32(channels), np.int32(len(weights)),
+            local=(1, 1), defines={"CHUNK": CHUNKS[0]},
+        )  # fmt: skip
+
+    def _sources(self, indices: npt.NDArray[np.int64], size: int) -> Array:
+        return continued(indices, size, self.border).astype(np.int32)
+
+
+def _pass_numpy(image: Image, pixels: Array, axis: int, weights: Vector, border: Border, value: float) -> Array:
+    """One pass along `axis`.
+
+    Finite images go through matrix products over blocks of lines: the few zero weights in a block cost less than
+    leaving BLAS. They would spread NaN, so images that hold one take SciPy's plain loop.
+    """
+    size, radius = pixels.shape[axis], len(weights) // 2
+    lines = np.moveaxis(pixels, axis, 0)
+    flat = np.ascontiguousarray(lines).reshape(size, -1)
+
+    def taken(first: int, last: int) -> Array:
+        at = continued(np.arange(first, last), size, border)
+        return np.where((at == OUTSIDE)[:, None], np.float32(value), flat[np.maximum(at, 0)])
+
+    if _folds(weights, size, image):
+        matrix, constant = folded(weights, size, border)
+        done = matrix.astype(np.float32) @ flat + np.float32(value) * constant.astype(np.float32)[:, None]
+    elif image.extent.nonfinite:
+        done = ndimage.correlate1d(taken(-radius, size + radius), weights, 0)[radius : radius + size]
+    else:
+        done = np.empty_like(flat)
+        block = max(64, radius)
+        band = np.zeros((block, block + 2 * radius), np.float32)
+        for row in range(block):
+            band[row, row : row + len(weights)] = weights
+        for first in range(0, size, block):
+            count = min(block, size - first)
+            source = taken(first - radius, first + count + radius)
+            np.matmul(band[:count, : count + 2 * radius], source, out=done[first : first + count])
+    return np.moveaxis(done.reshape(lines.shape), 0, axis)

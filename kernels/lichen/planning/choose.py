@@ -1,0 +1,194 @@
+"""The pass that picks a method and a knob for every node, from predicted errors and times.
+
+The error of the whole result is carried forward: what reaches a node passes through its modulus of continuity and its
+own method's error is added. The caller's wish decides:
+
+* `max_error`: the cheapest choice whose predicted error meets it;
+* `max_ms`: the most accurate choice that fits; with both, the cheapest within both;
+* neither: the cheapest choice whose error, float32 rounding aside, lies below a quarter of the output's quantum, and
+  the most accurate where none does;
+* `method` and knobs narrow the candidates of the node they name.
+
+Nothing that meets the request is `Unattainable`, with the best that can be had; it is never missed silently.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from itertools import product
+
+from lichen.errors import Flaw, InvalidRequest, Unattainable, nearest
+from lichen.image import Storage
+from lichen.operation import EXACT, Error, Facts
+from lichen.planning.graph import Candidate, Decision, Graph, Node, Request, inputs_of
+
+Choices = Mapping[str, Candidate]
+
+
+def choose(graph: Graph, request: Request) -> Graph:
+    """Every node with its choice and the alternatives it was chosen from. Raises `InvalidRequest`, `Unattainable`."""
+    facts = graph.facts()
+    offers = {node.name: _candidates(node, facts, request) for node in graph.nodes}
+    target = _target(facts[graph.output], request)
+    usable = {name: [offer for offer in offered if offer.unfit is None] for name, offered in offers.items()}
+    for node in graph.nodes:
+        if not usable[node.name]:
+            reasons = "; ".join(f"{offer.method}: {offer.unfit}" for offer in offers[node.name])
+            raise InvalidRequest(f"No method of {node.operation.name} can take this.", [Flaw("/method", reasons)])
+    choices = _within_time(graph, facts, usable, request) or _within_error(graph, facts, usable, request, target)
+    nodes = tuple(
+        dataclasses.replace(node, choice=choices[node.name], alternatives=tuple(offers[node.name]))
+        for node in graph.nodes
+    )
+    decided = [
+        Decision("choose", node.name, f"method {_label(choices[node.name])}", _reason(request, target), bound)
+        for node in graph.nodes
+        for bound in [choices[node.name].error.value]
+    ]
+    return graph.replace(nodes=nodes).deciding(decided)
+
+
+def total_error(graph: Graph, facts: Mapping[str, Facts], choices: Choices) -> Error:
+    """Predicted error of the output, with every node by its choice."""
+    reached: dict[str, Error] = dict.fromkeys(graph.sources, EXACT)
+    for node in graph.nodes:
+        own, known = choices[node.name].error, inputs_of(node, facts)
+        arriving = [reached[source] for source in node.inputs.values()]
+        carried = max((error.value for error in arriving), default=0.0)
+        value = node.operation.propagate(node.parameters, known, carried) if carried else 0.0
+        rounding = max((error.rounding for error in arriving), default=0.0)
+        if rounding:
+            rounding = node.operation.propagate(node.parameters, known, rounding)
+        proved = own.kind == "bound" and all(error.kind == "bound" for error in arriving)
+        reached[node.name] = Error(value + own.value, "bound" if proved else "estimate", rounding + own.rounding)
+    return reached[graph.output]
+
+
+def total_seconds(graph: Graph, choices: Choices) -> float:
+    return sum(choices[node.name].seconds for node in graph.nodes)
+
+
+def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> list[Candidate]:
+    """All methods at all knob values, or those the request names; unfit ones carry their reason."""
+    named = request.method if node.name == request.target else None
+    methods = node.operation.methods
+    if named is not None and named not in methods:
+        raise InvalidRequest(
+            f"{node.operation.name} has no method {named!r}.", [Flaw("/method", nearest(named, methods))]
+        )
+    known = inputs_of(node, facts)
+    knobs = request.knobs if node.name == request.target else {}
+    offers = []
+    for method in methods.values():
+        if named not in (None, method.name) or (knobs and (method.knob is None or method.knob.name not in knobs)):
+            continue
+        unfit = method.unfit(node.parameters, known)
+        if method.knob is None:
+            settings: tuple[float, ...] = (0.0,)
+        else:
+            asked = knobs.get(method.knob.name)
+            settings = method.knob.values if asked is None else (asked,)
+        for setting in settings:
+            error = method.error(node.parameters, setting, known)
+            seconds = method.seconds(request.backend, node.parameters, setting, known)
+            knob = setting if method.knob else None
+            offers.append(Candidate(method.name, knob, error, seconds, unfit))
+    if not offers:
+        wrong = ", ".join(sorted(knobs))
+        raise InvalidRequest(
+            f"The method {named!r} of {node.operation.name} has no such knob.",
+            [Flaw(f"/knobs/{name}", f"is not a knob of {named}") for name in sorted(knobs)] or [Flaw("/method", wrong)],
+        )
+    return offers
+
+
+def _target(output: Facts, request: Request) -> float:
+    """The error asked for, or a quarter of the output's quantum."""
+    if request.max_error is not None:
+        return request.max_error
+    magnitude = output.extent.magnitude
+    if request.storage is not None and request.storage.integer:
+        return 0.25 / request.storage.levels
+    relative = 2.0**-13 if request.storage is Storage.FLOAT16 else 1e-6
+    return relative * magnitude
+
+
+def _meets(error: Error, request: Request, target: float) -> bool:
+    return (error.value if request.max_error is not None else error.value - error.rounding) <= target
+
+
+def _within_error(
+    graph: Graph, facts: Mapping[str, Facts], usable: Mapping[str, list[Candidate]], request: Request, target: float
+) -> Choices:
+    """From the most accurate choice, dearest node first, to the cheapest candidates that still meet the target."""
+    choices = {
+        name: min(offers, key=lambda offer: (offer.error.value, offer.seconds)) for name, offers in usable.items()
+    }
+    best = total_error(graph, facts, choices)
+    if not _meets(best, request, target):
+        if request.max_error is not None:
+            raise Unattainable(
+                f"No method meets an error of {target:g}; the smallest that can be stated is {best.value:.3g}.",
+                [Flaw("/max_error", f"at least {best.value:.3g} is needed")],
+                limit=best.value,
+                actual=target,
+            )
+        return choices
+    for name in sorted(choices, key=lambda name: -choices[name].seconds):
+        for offer in sorted(usable[name], key=lambda offer: (offer.seconds, offer.error.value)):
+            trial = {**choices, name: offer}
+            if _meets(total_error(graph, facts, trial), request, target):
+                choices = trial
+                break
+    return choices
+
+
+def _within_time(
+    graph: Graph, facts: Mapping[str, Facts], usable: Mapping[str, list[Candidate]], request: Request
+) -> Choices | None:
+    """The most accurate choice within `max_ms`, the cheapest that meets `max_error`; None if no time is asked."""
+    if request.max_ms is None:
+        return None
+    budget = request.max_ms / 1e3
+    names = [node.name for node in graph.nodes]
+    fastest = {name: min(offers, key=lambda offer: offer.seconds) for name, offers in usable.items()}
+    least = total_seconds(graph, fastest)
+    if least > budget:
+        raise Unattainable(
+            f"No method takes {request.max_ms:g} ms or less; the fastest is predicted to take {least * 1e3:.3g} ms.",
+            [Flaw("/max_ms", f"at least {least * 1e3:.3g} is needed")],
+            limit=least * 1e3,
+            actual=request.max_ms,
+        )
+    varied = request.target if request.target in usable else (names[0] if names else "")
+    fitting = [
+        trial
+        for combination in product(*(usable[name] if name == varied else [fastest[name]] for name in names))
+        if total_seconds(graph, trial := dict(zip(names, combination, strict=True))) <= budget
+    ]
+    errors = [total_error(graph, facts, trial) for trial in fitting]
+    if request.max_error is None:
+        return fitting[min(range(len(fitting)), key=lambda i: errors[i].value)]
+    meeting = [i for i, error in enumerate(errors) if error.value <= request.max_error]
+    if not meeting:
+        closest = min(errors, key=lambda error: error.value)
+        raise Unattainable(
+            f"Within {request.max_ms:g} ms the error can be held to {closest.value:.3g}, not to {request.max_error:g}.",
+            [Flaw("/max_error", f"at least {closest.value:.3g} fits in {request.max_ms:g} ms")],
+            limit=closest.value,
+            actual=request.max_error,
+        )
+    return fitting[min(meeting, key=lambda i: total_seconds(graph, fitting[i]))]
+
+
+def _label(choice: Candidate) -> str:
+    return choice.method if choice.knob is None else f"{choice.method} at {choice.knob:g}"
+
+
+def _reason(request: Request, target: float) -> str:
+    if request.max_ms is not None:
+        return f"most accurate within {request.max_ms:g} ms"
+    if request.max_error is not None:
+        return f"cheapest within an error of {target:g}"
+    return f"cheapest within a quarter of the output's quantum, {target:.3g}"

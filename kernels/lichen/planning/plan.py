@@ -1,0 +1,123 @@
+"""From a graph and a request to a plan: the value that says what will run, how, and what was dropped and why."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from lichen.operation import EXACT, Error
+from lichen.planning.choose import choose, total_error, total_seconds
+from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
+from lichen.planning.light import light
+from lichen.planning.prune import identity, unread
+
+Pass = Callable[[Graph, Request], Graph]
+
+PRUNING: tuple[Pass, ...] = (unread, identity)
+"""left out by `prune=false`"""
+NEEDED: tuple[Pass, ...] = (light, choose)
+ENGINE_VERSION = "1"
+"""Part of every plan's digest; raise it when the same plan gives other bytes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What will run. Printable, serialisable, hashed."""
+
+    graph: Graph
+    request: Request
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        return self.graph.nodes
+
+    @property
+    def decisions(self) -> tuple[Decision, ...]:
+        return self.graph.decisions
+
+    @property
+    def _choices(self) -> dict[str, Candidate]:
+        return {node.name: node.choice for node in self.nodes if node.choice is not None}
+
+    @cached_property
+    def error(self) -> Error:
+        """Predicted error of the output."""
+        return total_error(self.graph, self.graph.facts(), self._choices) if self.nodes else EXACT
+
+    @property
+    def seconds(self) -> float:
+        """Predicted time of all nodes."""
+        return total_seconds(self.graph, self._choices)
+
+    @property
+    def method(self) -> str:
+        """How the node the caller asked for is computed; `identity` if it was dropped."""
+        node = self.graph.node(self.request.target)
+        if node is None or node.choice is None:
+            return "identity"
+        knob = node.operation.methods[node.choice.method].knob
+        return node.choice.method if knob is None else f"{node.choice.method}; {knob.name}={node.choice.knob:g}"
+
+    @cached_property
+    def digest(self) -> str:
+        """Hexadecimal SHA-256 of all that decides the bytes of the result, the pixels aside."""
+        said = [ENGINE_VERSION, self.request.backend, self.graph.output, [_node_to_json(node) for node in self.nodes]]
+        return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+
+    def to_json(self) -> dict[str, Any]:
+        """The plan as JSON values: nodes, choices, alternatives with why they were not taken, decisions."""
+        return {
+            "device": self.request.backend,
+            "method": self.method,
+            "error": {"value": self.error.value, "kind": self.error.kind, "metric": "max"},
+            "milliseconds": self.seconds * 1e3,
+            "nodes": [
+                {**_node_to_json(node), "alternatives": [_offer_to_json(node, offer) for offer in node.alternatives]}
+                for node in self.nodes
+            ],
+            "output": self.graph.output,
+            "decisions": [decision.to_json() for decision in self.decisions],
+            "digest": self.digest,
+        }
+
+
+def make_plan(graph: Graph, request: Request) -> Plan:
+    """Run the passes. Raises what they raise: `InvalidRequest`, `Unattainable`."""
+    for step in (*PRUNING, *NEEDED) if request.prune else NEEDED:
+        graph = step(graph, request)
+    return Plan(graph, request)
+
+
+def _node_to_json(node: Node) -> dict[str, Any]:
+    return {
+        "name": node.name,
+        "operation": node.operation.name,
+        "parameters": node.parameters.model_dump(mode="json"),
+        "inputs": dict(node.inputs),
+        "method": node.choice.method if node.choice else None,
+        "knob": node.choice.knob if node.choice else None,
+    }
+
+
+def _offer_to_json(node: Node, offer: Candidate) -> dict[str, Any]:
+    taken = node.choice
+    if offer.unfit is not None:
+        verdict = f"not possible: {offer.unfit}"
+    elif taken is None or (offer.method, offer.knob) == (taken.method, taken.knob):
+        verdict = "taken"
+    elif offer.seconds >= taken.seconds:
+        verdict = "slower" if offer.error.value >= taken.error.value else "more accurate than asked, and slower"
+    else:
+        verdict = "faster, but less accurate than asked"
+    return {
+        "method": offer.method,
+        "knob": offer.knob,
+        "error": offer.error.value,
+        "kind": offer.error.kind,
+        "milliseconds": offer.seconds * 1e3,
+        "verdict": verdict,
+    }

@@ -1,0 +1,252 @@
+"""What holds for every operation of the catalogue. A new operation inherits all of it by being declared.
+
+Inputs are drawn to fit the declaration: sizes down to one pixel, one to eight channels, noise, edges, high dynamic
+range, zeros, denormals, huge and negative values. Every method at every setting of its knob runs on every backend and is held
+to truth within the error it states.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lichen
+from lichen.accuracy.metrics import difference
+from lichen.errors import InvalidRequest, LichenError, UnknownOperation
+from lichen.image import Alpha, Image, Space, as_image
+from lichen.opencl.device import default_device
+from lichen.operation import Facts, Input, Method, Operation
+
+OPERATIONS = dict(lichen.operations())
+BACKENDS = ("opencl", "numpy")
+SHAPES = ((1, 1), (1, 9), (7, 1), (33, 47))
+
+
+def contents(name: str, shape: tuple[int, int, int]) -> np.ndarray:
+    """A float32 image by the name of what is hard about it."""
+    rng = np.random.default_rng([*name.encode(), *shape])
+    noise = rng.random(shape, dtype=np.float32)
+    ramp = np.linspace(0, 1, shape[0] * shape[1], dtype=np.float32).reshape(*shape[:2], 1)
+    return {
+        "noise": noise,
+        "edges": np.broadcast_to((ramp > 0.5).astype(np.float32), shape).copy(),
+        "highlights": np.where(noise > 0.97, np.float32(1e4), noise),
+        "negative": noise - np.float32(0.5),
+        "zero": np.zeros(shape, np.float32),
+        "denormal": noise * np.float32(1e-40),
+        "huge": noise * np.float32(1e30),
+    }[name]
+
+
+CONTENTS = ("noise", "edges", "highlights", "negative", "zero", "denormal", "huge")
+
+
+def channel_counts(declared: Input) -> list[int]:
+    fewest, most = declared.channels
+    return [count for count in (1, 2, 3, 4, 5, 8) if count >= fewest and (most is None or count <= most)]
+
+
+def images(operation: Operation[Any], content: str, size: tuple[int, int], which: int = 0) -> dict[str, Image]:
+    """Inputs for an operation; `which` walks through the channel counts it takes."""
+    made = {}
+    for declared in operation.inputs:
+        if declared.required:
+            counts = channel_counts(declared)
+            made[declared.name] = as_image(contents(content, (*size, counts[which % len(counts)])))
+    return made
+
+
+def settings(method: Method[Any]) -> tuple[float, ...]:
+    return method.knob.values if method.knob else (0.0,)
+
+
+def compute(method: Method[Any], backend: str, inputs: Mapping[str, Image], parameters: Any, knob: float) -> np.ndarray:
+    with np.errstate(all="ignore"):
+        if backend == "numpy":
+            return method.implementation.numpy(inputs, parameters, knob)
+        device = default_device()
+        assert device is not None, "the tests need OpenCL; `lichen doctor` says why there is none"
+        return method.implementation.opencl(device, inputs, parameters, knob)
+
+
+def each() -> pytest.MarkDecorator:
+    return pytest.mark.parametrize("operation", list(OPERATIONS.values()), ids=list(OPERATIONS))
+
+
+@each()
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("content", CONTENTS)
+def test_methods_keep_the_error_they_state(operation: Operation[Any], backend: str, content: str) -> None:
+    broken = []
+    for number, example in enumerate(operation.examples):
+        parameters = operation.validate(example)
+        size = SHAPES[number % len(SHAPES)] if number >= 2 else SHAPES[-1 - number]
+        inputs = images(operation, content, size, number)
+        facts = {name: Facts.of(image) for name, image in inputs.items()}
+        if operation.check(parameters, facts):
+            continue
+        truth = operation.evaluate_truth(inputs, parameters)
+        for method in operation.methods.values():
+            if method.unfit(parameters, facts) is not None:
+                continue
+            for knob in settings(method):
+                stated = method.error(parameters, knob, facts)
+                pixels = compute(method, backend, inputs, parameters, knob)
+                assert pixels.dtype == np.float32
+                assert pixels.flags.c_contiguous
+                found = difference(pixels, truth)
+                allowed = stated.value + float(np.finfo(np.float32).tiny)
+                if found.largest > allowed or found.mismatched:
+                    broken.append(f"{method.name} at {knob:g}, {example}, {size}: {found} beyond {stated}")
+    assert not broken, "\n".join(broken)
+
+
+@each()
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf], ids=["nan", "inf", "-inf"])
+def test_nonfinite_values_stay_inside_the_footprint(operation: Operation[Any], backend: str, bad: float) -> None:
+    for number, example in enumerate(operation.examples):
+        parameters = operation.validate(example)
+        clean = images(operation, "noise", (41, 43), number)
+        name = operation.inputs[0].name
+        spoilt_pixels = clean[name].pixels.copy()
+        spoilt_pixels[20, 21] = bad
+        spoilt = {**clean, name: clean[name].replace(pixels=spoilt_pixels)}
+        facts = {key: Facts.of(image) for key, image in spoilt.items()}
+        if operation.check(parameters, facts):
+            continue
+        reach = operation.footprint(parameters, facts)
+        outside = np.ones((41, 43), bool)
+        top, left = (41 if side is None else side for side in (reach.rows, reach.columns))
+        outside[max(0, 20 - top) : 21 + top, max(0, 21 - left) : 22 + left] = False
+        for method in operation.methods.values():
+            if method.unfit(parameters, facts) is None:
+                pixels = compute(method, backend, spoilt, parameters, settings(method)[-1])
+                if pixels.shape[:2] == outside.shape:
+                    assert np.isfinite(pixels[outside]).all(), f"{method.name}, {example}: {bad} left the footprint"
+
+
+HARD = [(operation, case) for operation in OPERATIONS.values() for case in operation.hard_cases]
+
+
+@pytest.mark.parametrize(("operation", "case"), HARD, ids=[f"{o.name}: {c.name}" for o, c in HARD])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_hard_cases_hold(operation: Operation[Any], case: Any, backend: str) -> None:
+    parameters = operation.validate(case.parameters)
+    given = case.inputs()
+    inputs = {name: as_image(value) for name, value in given.items()}
+    facts = {name: Facts.of(image) for name, image in inputs.items()}
+    ran = 0
+    for method in operation.methods.values():
+        if (case.methods and method.name not in case.methods) or method.unfit(parameters, facts) is not None:
+            continue
+        pixels = compute(method, backend, inputs, parameters, settings(method)[-1])
+        wrong = case.holds(given, pixels)
+        assert wrong is None, f"{method.name}: {wrong}"
+        ran += 1
+    assert ran, "no method took the case"
+
+
+@each()
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_same_request_same_bytes(operation: Operation[Any], backend: str) -> None:
+    """Eight threads at once give what one gave before."""
+    inputs = images(operation, "noise", (33, 47))
+    example = operation.examples[0]
+
+    def digest() -> str:
+        result = lichen.run(operation.name, device=backend, **inputs, **example)
+        return hashlib.sha256(result.image.pixels.tobytes()).hexdigest()
+
+    expected, found = digest(), []
+    threads = [threading.Thread(target=lambda: found.append(digest())) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [expected] * 8
+
+
+DIGESTS = f"""
+import hashlib, importlib.util, json, lichen
+spec = importlib.util.spec_from_file_location("inputs", {__file__!r})
+tests = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(tests)
+results = {{
+    name: lichen.run(name, device="opencl", **tests.images(operation, "noise", (150, 131)), **operation.examples[0])
+    for name, operation in lichen.operations().items()
+}}
+print(json.dumps({{n: hashlib.sha256(r.image.pixels.tobytes()).hexdigest() for n, r in results.items()}}))
+"""
+
+
+def test_bytes_do_not_depend_on_the_number_of_threads() -> None:
+    """OpenCL cuts the work by its thread count; nothing of that may be seen in the result."""
+    digests = []
+    for threads in ("1", "2"):
+        environment = {**os.environ, "POCL_MAX_PTHREAD_COUNT": threads, "POCL_CPU_MAX_CU_COUNT": threads}
+        command = [sys.executable, "-c", DIGESTS]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
+        assert done.returncode == 0, done.stderr
+        digests.append(json.loads(done.stdout))
+    assert digests[0] == digests[1]
+
+
+@each()
+def test_declaration_is_complete(operation: Operation[Any]) -> None:
+    assert operation.summary.endswith(".")
+    assert operation.description.strip()
+    assert len(operation.hard_cases) >= 1
+    for method in operation.methods.values():
+        assert method.description
+        assert set(method.rates) == set(BACKENDS)
+        if method.knob:
+            assert all(method.knob.low <= value <= method.knob.high for value in method.knob.values)
+    for name, field in operation.parameters.model_fields.items():
+        assert field.description, f"{name} has no description"
+    json.dumps(operation.schema(), allow_nan=False)
+
+
+@each()
+def test_flaws_are_all_named_at_once(operation: Operation[Any]) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.run(operation.name, nonsense=1, max_error="much", method="guess", space="cmyk", nonfinite="ignore")
+    pointers = {flaw.pointer for flaw in caught.value.flaws}
+    assert {"/parameters/nonsense", "/max_error", "/method", "/space", "/nonfinite"} <= pointers
+
+
+def test_unknown_operation_names_the_nearest() -> None:
+    for name in OPERATIONS:
+        with pytest.raises(UnknownOperation, match=name):
+            lichen.run(name[:-1] + "_")
+
+
+@each()
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_whole_road_keeps_the_error_it_states(operation: Operation[Any], backend: str) -> None:
+    """With conversions of light and coverage around it, as a picture from a file gets them."""
+    declared = operation.inputs[0]
+    if not declared.picture or (declared.channels[1] or 4) < 4 or declared.channels[0] > 4:
+        pytest.skip("its first input is data")
+    picture = Image(contents("noise", (33, 47, 4)), Space.SRGB, Alpha.STRAIGHT)
+    for example in operation.examples:
+        for storage in ("uint8", "float32"):
+            try:
+                result = lichen.run(operation.name, picture, device=backend, storage=storage, **example)
+            except LichenError:
+                continue
+            truth = lichen.evaluate_truth(operation.name, picture, device=backend, storage=storage, **example)
+            found = difference(result.image.pixels, truth, result.image.alpha)
+            assert found.largest <= result.error.value + float(np.finfo(np.float32).tiny), (
+                f"{example}: {found} beyond {result.error}"
+            )
+            assert not found.mismatched
