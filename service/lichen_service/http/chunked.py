@@ -15,7 +15,7 @@ from __future__ import annotations
 import re
 from enum import Enum, auto
 
-from lichen_service.http.policy import Refusal, check_trailers
+from lichen_service.http.policy import Refusal, check_trailer
 
 MOST_CHUNKS = 65_536
 LONGEST_CHUNK_LINE = 1024
@@ -43,7 +43,6 @@ class ChunkedBody:
         self._line = bytearray()
         self._remaining = 0
         self._chunks = 0
-        self._trailers: list[bytes] = []
         self._trailer_bytes = 0
 
     @property
@@ -86,10 +85,11 @@ class ChunkedBody:
             return None if line == b"\r\n" else _malformed("a chunk is longer than its size says")
         if line == b"\r\n":
             self._part = _Part.DONE
-            return check_trailers(self._trailers)
-        self._trailers.append(line)
+            return None
         self._trailer_bytes += len(line)
-        return _malformed("the trailers are too large") if self._trailer_bytes > LARGEST_TRAILERS else None
+        if self._trailer_bytes > LARGEST_TRAILERS:
+            return _malformed("the trailers are too large")
+        return check_trailer(line)
 
     def _take_size(self, line: bytes) -> Refusal | None:
         match = _SIZE_LINE.fullmatch(line)

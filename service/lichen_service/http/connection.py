@@ -7,8 +7,8 @@ r"""One client connection as a state machine on the reactor's thread.
 Theory. A thread is the scarce thing, a connection is not: so all waiting for the peer happens here, without a thread,
 and a pool thread is taken only from the moment a whole request lies in memory until the socket has no room for more
 of the answer. Every phase that waits for the peer has an absolute deadline. Bodies, either way, may lag `patience`
-seconds behind their slowest rate at any moment; so a trickling peer is cut after little more than that, whatever
-length it claimed.
+seconds behind their slowest rate, and stand still no longer; so a trickling peer is cut after little more than that,
+whatever length it claimed.
 
 Rules
 - The pool thread touches the socket only in WORK; the loop then reads ahead a little but does not close it, since a
@@ -383,8 +383,12 @@ class Connection:
         self._socket.shutdown(socket.SHUT_WR)
 
     def _slowest(self, start: float, count: int) -> float:
-        """When a peer that keeps to the slowest rate has moved more than `count` bytes."""
-        return start + self._loop.bounds.patience + count / self._loop.settings.body_rate
+        """Until when a peer may stand still that has moved `count` bytes since `start`.
+
+        A head start buys no longer silence, since the system's own buffers take megabytes at once for a peer that then
+        stops.
+        """
+        return self._loop.bounds.patience + min(start + count / self._loop.settings.body_rate, time.monotonic())
 
     def _release_body(self) -> None:
         self._exchange.body = None

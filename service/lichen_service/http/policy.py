@@ -102,20 +102,23 @@ class HeadScanner:
         One empty line before the request line is skipped, as RFC 9112 section 2.2 asks.
         """
         try:
-            while (end := buffer.find(b"\n", self._line)) >= 0:
+            while self._begins(buffer) and (end := buffer.find(b"\n", self._line)) >= 0:
                 line = bytes(buffer[self._line : end + 1])
                 self._line = end + 1
                 self._measure(len(line) - 2)
                 if self._accept(line):
                     return self._line
             self._measure(len(buffer) - self._line - 1, total=len(buffer))
-            if self._lines == 0 and self._line < len(buffer):
-                first = bytes(buffer[self._line : self._line + 1])
-                if first != b"\r" and not _TOKEN.match(first):
-                    raise _Refused(400, "the request does not begin with a method")
         except _Refused as refused:
             return refused.refusal
         return None
+
+    def _begins(self, buffer: bytearray) -> bool:
+        if self._lines == 0 and self._line < len(buffer):
+            first = bytes(buffer[self._line : self._line + 1])
+            if first != b"\r" and not _TOKEN.match(first):
+                raise _Refused(400, "the request does not begin with a method")
+        return True
 
     def _measure(self, length: int, total: int = 0) -> None:
         if self._lines == 0 and length > LONGEST_REQUEST_LINE:
@@ -162,15 +165,14 @@ def read_head(raw: bytes) -> RawHead | Refusal:
         return refused.refusal
 
 
-def check_trailers(lines: Sequence[bytes]) -> Refusal | None:
-    """Judge the lines, CR LF included, between the last chunk and the empty line. Trailers are dropped afterwards."""
+def check_trailer(line: bytes) -> Refusal | None:
+    """Judge one line, CR LF included, after the last chunk. Trailers are dropped afterwards."""
     try:
-        for line in lines:
-            name, _ = _field(plain_line(line))
-            if name in _NOT_IN_TRAILERS:
-                raise _Refused(400, f"the field {name.decode()} is not allowed in a trailer")
+        name, _ = _field(plain_line(line))
     except _Refused as refused:
         return refused.refusal
+    if name in _NOT_IN_TRAILERS:
+        return Refusal(400, "malformed-request", f"the field {name.decode()} is not allowed in a trailer")
     return None
 
 

@@ -1,0 +1,184 @@
+"""The supervisor and its workers as real processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from wire_harness import PATIENCE, Client, get, post
+
+MAIN = """
+import sys
+from lichen_service.http.server import serve
+from wire_harness import WireConfig
+status = serve(sys.argv[1], WireConfig(**eval(sys.argv[2])))
+heavy = {"lichen", "numpy", "pyopencl"} & set(sys.modules)
+print("imported", sorted(heavy), flush=True)
+sys.exit(status)
+"""
+
+
+class Service:
+    def __init__(self, errors: Path, maker: str, settings: dict[str, float]) -> None:
+        here = str(Path(__file__).parent)
+        path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH")]))
+        self.errors = errors
+        with errors.open("wb") as stderr:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", MAIN, maker, repr(settings)],
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                env={**os.environ, "PYTHONPATH": path},
+                text=True,
+            )
+        self.port = 0
+
+    def line(self) -> str:
+        assert self.process.stdout is not None
+        return self.process.stdout.readline().strip()
+
+    def listen(self) -> None:
+        said = self.line()
+        assert said.startswith("Lichen listens on http://127.0.0.1:"), self.errors.read_text()
+        self.port = int(said.rpartition(":")[2])
+
+    def pid(self) -> int:
+        """Of the worker that answers; waits for one where there is none."""
+        end = time.monotonic() + PATIENCE
+        while True:
+            try:
+                with Client(self.port) as client:
+                    client.send(get())
+                    return int(str(client.reply().document()["pid"]))
+            except ConnectionError:
+                assert time.monotonic() < end
+                time.sleep(0.02)
+
+    def wait(self) -> int:
+        return self.process.wait(PATIENCE)
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., Service]]:
+    services: list[Service] = []
+
+    def begin(maker: str = "wire_harness:create", **settings: float) -> Service:
+        service = Service(tmp_path / f"errors-{len(services)}", maker, settings)
+        services.append(service)
+        return service
+
+    yield begin
+    for service in services:
+        if service.process.poll() is None:
+            service.process.kill()
+        service.process.wait(PATIENCE)
+        if service.process.stdout is not None:
+            service.process.stdout.close()
+
+
+def until_said(service: Service, text: str) -> str:
+    end = time.monotonic() + PATIENCE
+    while text not in (said := service.errors.read_text()):
+        assert time.monotonic() < end, said
+        time.sleep(0.01)
+    return said
+
+
+def until_gone(pid: int) -> None:
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return
+        except FileNotFoundError:
+            return
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_sigterm_drains_what_is_in_flight(start: Callable[..., Service]) -> None:
+    service = start()
+    service.listen()
+    with Client(service.port) as client:
+        client.send(get("/sleep?seconds=0.5"))
+        with Client(service.port) as other:  # the loop has gone round: the request before has been begun
+            other.send(get())
+            other.reply()
+        service.process.send_signal(signal.SIGTERM)
+        reply = client.reply()
+    assert (reply.status, reply.headers["connection"]) == (200, "close")
+    assert service.line() == "imported []", "the supervisor must stay light"
+    assert service.wait() == 0
+    lines = [json.loads(line) for line in service.errors.read_text().splitlines()]
+    assert [line["path"] for line in lines] == ["/", "/sleep"]
+
+
+def test_a_second_signal_forces_the_end(start: Callable[..., Service]) -> None:
+    service = start()
+    service.listen()
+    with Client(service.port) as client:
+        client.send(get("/sleep?seconds=60"))
+        worker = service.pid()
+        service.process.send_signal(signal.SIGINT)
+        assert client.socket.fileno() >= 0
+        time.sleep(0.1)
+        service.process.send_signal(signal.SIGINT)
+        assert service.wait() == 1
+    until_gone(worker)
+
+
+def test_a_worker_that_dies_is_replaced(start: Callable[..., Service]) -> None:
+    service = start(workers=2)
+    service.listen()
+    first = service.pid()
+    os.kill(first, signal.SIGKILL)
+    until_said(service, f"lost worker {first}")
+    with Client(service.port) as client:
+        client.send(get("/die"))  # takes the other, if that one accepted it, or the replacement
+        with pytest.raises(ConnectionError):
+            client.reply()
+    assert service.pid() != first
+    service.process.send_signal(signal.SIGTERM)
+    assert service.wait() == 0
+
+
+def test_workers_end_with_their_supervisor(start: Callable[..., Service]) -> None:
+    service = start()
+    service.listen()
+    worker = service.pid()
+    service.process.kill()
+    until_gone(worker)
+
+
+def test_an_application_that_cannot_be_made_ends_the_service(start: Callable[..., Service]) -> None:
+    service = start("wire_harness:create_nothing")
+    assert service.wait() == 1
+    said = service.errors.read_text()
+    assert "no application" in said
+    assert "Lichen cannot start" in said
+
+
+def test_an_address_in_use_is_said_plainly(start: Callable[..., Service]) -> None:
+    first = start()
+    first.listen()
+    second = start(port=first.port)
+    assert second.wait() == 1
+    assert f"cannot listen on 127.0.0.1:{first.port}" in second.errors.read_text()
+
+
+def test_sigusr1_shows_where_the_threads_are(start: Callable[..., Service]) -> None:
+    service = start()
+    service.listen()
+    service.process.send_signal(signal.SIGUSR1)
+    said = until_said(service, "reactor.py")
+    assert "Thread 0x" in said
+    with Client(service.port) as client:
+        client.send(post("/echo", b"alive"))
+        assert client.reply().body == b"alive"
