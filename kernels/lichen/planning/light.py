@@ -59,7 +59,8 @@ class _Builder:
         space = request.space if request.space is not None and known else facts.space
         covered = Alpha.NONE not in (facts.alpha, request.alpha)
         alpha = request.alpha if request.alpha is not None and covered else facts.alpha
-        self.graph = self.graph.replace(output=self.convert(value, space, alpha))
+        output = self.convert(value, space, alpha)  # adds nodes to the graph, so it comes first
+        self.graph = self.graph.replace(output=output)
 
     def convert(self, source: str, space: Space, alpha: Alpha) -> str:
         """The name of `source` in `space` and `alpha`, through straight alpha where colour changes light."""
