@@ -1,0 +1,156 @@
+"""The application: paths, what answers them, and how errors leave.
+
+`admit` sees a request's head on the thread that serves every connection, so it only looks things up: unknown paths,
+methods and operations, bodies that are too large or of a type nobody reads are refused before a byte of the body is
+taken in. `/livez` is answered right there, so it answers when every other thread is busy. `handle` does the rest.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import structlog
+
+from lichen import catalogue
+from lichen.errors import LichenError
+from lichen.files import encode
+from lichen_service import logs
+from lichen_service.descriptions import path_of
+from lichen_service.documents import canonical
+from lichen_service.formats import readable
+from lichen_service.http.message import Admission, Head, Request, Response
+from lichen_service.readiness import Readiness, example
+from lichen_service.refusals import Refusal, internal, refusal_of
+from lichen_service.routes.catalogue import Catalogue
+from lichen_service.routes.running import Running
+from lichen_service.routes.system import System
+from lichen_service.routing import Route, find
+from lichen_service.settings import Settings
+from lichen_service.uploads import check_type
+
+log = structlog.get_logger("lichen_service")
+
+SMALL_BODY = 4096
+"""Bytes; what a request to a path that reads no body may still send."""
+
+
+class Service:
+    """The routes under one roof; an `Application` for the wire."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self.readiness = Readiness(self._canary)
+        self._running = Running(settings)
+        system, described = System(settings, self.readiness), Catalogue(settings)
+        run = self._running.run
+        self.routes = (
+            Route("/", {"GET": system.index}),
+            Route("/v1/operations", {"GET": described.list}),
+            Route("/v1/operations/{name}", {"GET": described.describe, "POST": run, "QUERY": run}, bodies=True),
+            Route("/v1/limits", {"GET": system.limits}),
+            Route("/v1/version", {"GET": system.version}),
+            Route("/openapi.json", {"GET": system.openapi}),
+            Route("/livez", {"GET": system.alive}),
+            Route("/readyz", {"GET": system.ready}),
+        )
+
+    def admit(self, head: Head) -> Admission | Response:
+        """The word that the body may be read, or the answer without it."""
+        return _answer(head, lambda: self._admit(head))
+
+    def handle(self, request: Request) -> Response:
+        """The answer to a whole request. Every error becomes a problem document."""
+        response = _answer(request.head, lambda: self._handle(request))
+        assert isinstance(response, Response)
+        return response
+
+    def _admit(self, head: Head) -> Admission | Response:
+        match = find(self.routes, head)
+        if match.name:
+            catalogue.operation(match.name)
+        if match.route.template == "/livez" and not head.length:
+            return self._handle(Request(head, b""))
+        if not (match.route.bodies and head.method in ("POST", "QUERY")):
+            return Admission(SMALL_BODY)
+        if head.length is not None and head.length > self._settings.max_body:
+            raise Refusal(
+                413,
+                "too-large",
+                "A limit on size was crossed",
+                "The body is larger than the service takes.",
+                limit=self._settings.max_body,
+                actual=head.length,
+            )
+        check_type(head, readable())
+        return Admission(self._settings.max_body)
+
+    def _handle(self, request: Request) -> Response:
+        head = request.head
+        if head.method == "OPTIONS":
+            return self._options(head)
+        match = find(self.routes, head)
+        handler = match.route.handler(head.method)
+        assert handler is not None, "find refuses methods without a handler"
+        return handler(request, match.name)
+
+    def _options(self, head: Head) -> Response:
+        match = find(self.routes, head)
+        headers = {"Allow": match.route.allow}
+        if "QUERY" in match.route.handlers:
+            headers["Accept-Query"] = ", ".join([*readable(), "multipart/form-data"])
+        return Response(204, headers=headers)
+
+    def _canary(self) -> None:
+        """A tiny request of our own on the road that every request takes."""
+        body, path, query = _smallest_request()
+        now = time.monotonic()
+        headers = {"content-length": str(len(body)), "content-type": "application/x-npy", "accept": "*/*"}
+        head = Head("QUERY", path, query, headers, "canary", now, now + self._settings.request_timeout)
+        response = self._handle(Request(head, body))
+        if response.status != 200 or not response.body:
+            raise RuntimeError(f"the canary was answered with {response.status}")
+
+
+def _answer(head: Head, work: Callable[[], Admission | Response]) -> Admission | Response:
+    """What `work` returns, or the problem document of what it raises."""
+    try:
+        return work()
+    except Refusal as refusal:
+        return refusal.response(head)
+    except LichenError as error:
+        answered = refusal_of(error)
+        if answered.status >= 500:
+            log.error("request failed", request_id=head.request_id, code=error.code, reason=str(error))
+        return answered.response(head)
+    except Exception:
+        log.exception("request broke off", request_id=head.request_id)
+        return internal().response(head)
+
+
+def _smallest_request() -> tuple[bytes, str, tuple[tuple[str, str], ...]]:
+    """Body, path and query of a tiny run of the first operation that reads a single image."""
+    for operation in catalogue.operations().values():
+        made = example(operation)
+        if made is None or len(made[0]) != 1:
+            continue
+        inputs, parameters = made
+        body = encode(next(iter(inputs.values())), "npy").data
+        return body, path_of(operation.name), (*_as_query(parameters), ("prune", "false"))
+    raise RuntimeError("no operation of the catalogue offers an example with one image")
+
+
+def _as_query(parameters: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    """Parameters as a URL gives them: text plain, everything else as JSON."""
+    return tuple(
+        (name, value if isinstance(value, str) else canonical(value).decode()) for name, value in parameters.items()
+    )
+
+
+def create_application() -> Service:
+    """The service with the settings of the environment; its warm-up has begun and goes on in the background."""
+    logs.configure()
+    service = Service(Settings.load())
+    service.readiness.start()
+    return service

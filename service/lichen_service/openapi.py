@@ -1,0 +1,199 @@
+"""The OpenAPI 3.1 document, derived from the catalogue.
+
+Every operation is a path of its own, so that its parameters, knobs and inputs are checked and completed by tools; the
+rest of the paths is fixed. OpenAPI 3.1 has no place for the QUERY method: the text says that it is taken wherever POST
+is, with the same meaning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from lichen.files import FORMATS
+from lichen.operation import Knob, Operation
+from lichen_service.descriptions import inlined, options_schema, path_of
+from lichen_service.uploads import FORM
+
+_PROBLEM = "application/problem+json"
+
+_REPORT_HEADERS = {
+    "Server-Timing": "milliseconds by stage",
+    "Lichen-Method": "the method that ran, with its knob",
+    "Lichen-Device": "where it ran",
+    "Lichen-Error": "largest error the result can have; how it is known (bound or estimate); its metric",
+    "Lichen-Skipped": "work that was left out, and why",
+    "Lichen-Nonfinite": "NaN and infinite samples in the result",
+    "ETag": "changes when the same request would give other bytes",
+    "Content-Digest": "SHA-256 of the body (RFC 9530)",
+}
+
+
+def own_version() -> str:
+    try:
+        return version("lichen")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
+    """The document for these operations."""
+    return {
+        "openapi": "3.1.0",
+        "info": {
+            "title": "Lichen",
+            "version": own_version(),
+            "description": "Image operations whose accuracy has a stated price. "
+            "Wherever POST runs an operation, QUERY (RFC 10008) does the same, safely and idempotently.",
+        },
+        "paths": {**_fixed_paths(), **{path_of(name): _path(each) for name, each in operations.items()}},
+        "components": {"schemas": {"Problem": _problem_schema()}, "responses": _responses()},
+    }
+
+
+def _fixed_paths() -> dict[str, Any]:
+    json_paths = {
+        "/v1/operations": ("listOperations", "The operations there are"),
+        "/v1/limits": ("getLimits", "What one request may ask for"),
+        "/v1/version": ("getVersion", "Versions of the engine, its device and its libraries"),
+        "/openapi.json": ("getOpenapi", "This document"),
+        "/livez": ("getLiveness", "Whether the process answers"),
+        "/readyz": ("getReadiness", "Whether a tiny request goes through right now"),
+    }
+    paths = {
+        path: {
+            "get": {
+                "operationId": identifier,
+                "summary": summary,
+                "responses": {"200": _json_response(summary), "default": _reference("Problem")},
+            }
+        }
+        for path, (identifier, summary) in json_paths.items()
+    }
+    paths["/"] = {
+        "get": {
+            "operationId": "getIndex",
+            "summary": "A page with links",
+            "responses": {"200": {"description": "HTML", "content": {"text/html": {"schema": {"type": "string"}}}}},
+        }
+    }
+    return paths
+
+
+def _path(operation: Operation[Any]) -> dict[str, Any]:
+    name = operation.name
+    return {
+        "get": {
+            "operationId": f"describe_{name}",
+            "summary": f"The declaration of {name}",
+            "tags": [operation.family],
+            "responses": {
+                "200": _json_response("parameters, inputs, methods, limits"),
+                "default": _reference("Problem"),
+            },
+        },
+        "post": {
+            "operationId": name,
+            "summary": operation.summary,
+            "description": operation.description,
+            "tags": [operation.family],
+            "parameters": _parameters(operation),
+            "requestBody": _request_body(operation),
+            "responses": {"200": _reference("Image"), "304": _reference("Unchanged"), "default": _reference("Problem")},
+        },
+    }
+
+
+def _parameters(operation: Operation[Any]) -> list[dict[str, Any]]:
+    schema = inlined(operation.schema())
+    required = schema.get("required", [])
+    declared = [_parameter(name, each, name in required) for name, each in schema.get("properties", {}).items()]
+    knobs = [_knob(each) for each in operation.knobs.values()]
+    options = [_parameter(name, each, False) for name, each in options_schema()["properties"].items()]
+    for option in options:
+        if option["name"] == "method":
+            option["schema"] = {"type": "string", "enum": list(operation.methods)}
+        elif option["name"] == "format":
+            option["schema"] = {"type": "string", "enum": list(FORMATS)}
+    return [*declared, *knobs, *options]
+
+
+def _parameter(name: str, schema: Mapping[str, Any], required: bool) -> dict[str, Any]:
+    """One query parameter. Vectors and matrices are JSON text, everything else is plain."""
+    parameter: dict[str, Any] = {"name": name, "in": "query", "required": required}
+    if "description" in schema:
+        parameter["description"] = schema["description"]
+    # A name that may be left out has no null in a URL.
+    offered = [each for each in schema.get("anyOf", []) if each != {"type": "null"}]
+    kept = {key: each for key, each in schema.items() if key not in ("anyOf", "title", "description")}
+    if kept.get("default", 0) is None:
+        del kept["default"]
+    bare = {**kept, **(offered[0] if len(offered) == 1 else {"anyOf": offered} if offered else {})}
+    if bare.get("type") in ("array", "object") or "prefixItems" in bare:
+        parameter["content"] = {"application/json": {"schema": bare}}
+    else:
+        parameter["schema"] = bare
+    return parameter
+
+
+def _knob(knob: Knob) -> dict[str, Any]:
+    schema = {"type": "number", "minimum": knob.low, "maximum": knob.high, "examples": list(knob.values)}
+    return {"name": knob.name, "in": "query", "required": False, "description": knob.description, "schema": schema}
+
+
+def _request_body(operation: Operation[Any]) -> dict[str, Any]:
+    binary = {"type": "string", "format": "binary"}
+    required = [each.name for each in operation.inputs if each.required]
+    content: dict[str, Any] = {}
+    if len(required) <= 1 and operation.inputs:
+        content = {media_type: {"schema": {}} for each in FORMATS.values() for media_type in each.media_types}
+    form = {"type": "object", "properties": {each.name: binary for each in operation.inputs}, "required": required}
+    return {"required": bool(required), "content": {**content, FORM: {"schema": form}}}
+
+
+def _responses() -> dict[str, Any]:
+    headers = {name: {"description": text, "schema": {"type": "string"}} for name, text in _REPORT_HEADERS.items()}
+    images: dict[str, Any] = {each.media_type: {"schema": {}} for each in FORMATS.values()}
+    return {
+        "Image": {
+            "description": "The result; with `explain=true` the plan as JSON",
+            "headers": headers,
+            "content": {**images, "application/json": {"schema": {"type": "object"}}},
+        },
+        "Unchanged": {"description": "The result has the entity tag that the request named"},
+        "Problem": {
+            "description": "What is wrong (RFC 9457)",
+            "content": {_PROBLEM: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        },
+    }
+
+
+def _json_response(description: str) -> dict[str, Any]:
+    return {"description": description, "content": {"application/json": {"schema": {"type": "object"}}}}
+
+
+def _reference(name: str) -> dict[str, str]:
+    return {"$ref": f"#/components/responses/{name}"}
+
+
+def _problem_schema() -> dict[str, Any]:
+    text, number = {"type": "string"}, {"type": "number"}
+    flaw = {"type": "object", "properties": {"pointer": text, "detail": text}, "required": ["pointer", "detail"]}
+    return {
+        "type": "object",
+        "properties": {
+            "type": text,
+            "title": text,
+            "status": {"type": "integer"},
+            "detail": text,
+            "instance": text,
+            "request_id": text,
+            "code": text,
+            "errors": {"type": "array", "items": flaw},
+            "retryable": {"type": "boolean"},
+            "limit": number,
+            "actual": number,
+        },
+        "required": ["type", "title", "status", "detail", "code", "request_id"],
+    }

@@ -1,0 +1,141 @@
+"""Whether this process can really answer: warm-up, and a canary on the road every request takes.
+
+A process is ready when every operation has run once on a tiny image (which builds its kernels) and when a tiny request
+goes through right now. Warm-up happens in a thread of its own, so liveness never waits for a compiler. The canary
+runs in another: a stuck device makes it late, and late means not ready, without taking down the thread that asks.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import structlog
+
+from lichen import catalogue, engine
+from lichen.errors import InvalidRequest, LichenError, Unattainable
+from lichen.image import Image
+from lichen.operation import Facts, Operation
+
+log = structlog.get_logger("lichen_service")
+
+PATIENCE = 5.0
+"""Seconds after which a canary that has not come back counts as stuck."""
+FRESH = 1.0
+"""Seconds for which an answer of the canary is believed, so that asking often costs nothing."""
+SIDE = 8
+"""Pixels; side of the image that warms up a kernel."""
+
+
+def example(operation: Operation[Any]) -> tuple[dict[str, Image], dict[str, Any]] | None:
+    """Tiny inputs and parameters with which an operation really computes; None if its declaration offers none."""
+    ramp = np.linspace(0.1, 0.9, SIDE * SIDE, dtype=np.float32).reshape(SIDE, SIDE, 1)
+    inputs = {each.name: Image(np.repeat(ramp, each.channels[0], axis=2)) for each in operation.inputs if each.required}
+    facts = {name: Facts.of(image) for name, image in inputs.items()}
+    fallback = None
+    for candidate in ({}, *(case.parameters for case in operation.hard_cases)):
+        try:
+            parameters = operation.validate(candidate)
+        except InvalidRequest:
+            continue
+        if operation.check(parameters, facts):
+            continue
+        if operation.identity(parameters, facts) is None:
+            return inputs, dict(candidate)
+        fallback = fallback or (inputs, dict(candidate))
+    return fallback
+
+
+def warm_up(device: str | None = None) -> Iterator[tuple[str, str, LichenError | None]]:
+    """Runs every method of every operation once; yields operation, method and what went wrong, if anything did.
+
+    Methods that do not take the example are passed over: they are no failure.
+    """
+    for operation in catalogue.operations().values():
+        made = example(operation)
+        if made is None:
+            continue
+        inputs, parameters = made
+        for method in operation.methods:
+            arguments: dict[str, Any] = {**inputs, **parameters, "method": method, "device": device, "prune": False}
+            try:
+                engine.run(operation.name, **arguments)
+            except (InvalidRequest, Unattainable):
+                continue
+            except LichenError as failed:
+                yield operation.name, method, failed
+            else:
+                yield operation.name, method, None
+
+
+class _Canary:
+    """One tiny request on its way, in a thread that nobody has to wait for."""
+
+    def __init__(self, request: Callable[[], None]) -> None:
+        self._request = request
+        self._done = threading.Event()
+        self.failed = False
+        threading.Thread(target=self._run, name="canary", daemon=True).start()
+
+    def _run(self) -> None:
+        try:
+            self._request()
+        except Exception:
+            self.failed = True
+            log.exception("the canary failed")
+        finally:
+            self._done.set()
+
+    def back_within(self, seconds: float) -> bool:
+        return self._done.wait(seconds)
+
+
+class Readiness:
+    """Knows when the process is warm, and asks the canary. Safe to use from several threads."""
+
+    def __init__(self, request: Callable[[], None], *, patience: float = PATIENCE) -> None:
+        self._request = request
+        self._patience = patience
+        self._lock = threading.Lock()
+        self._canary: _Canary | None = None
+        self._good_until = 0.0
+        self._warm = threading.Event()
+
+    def start(self) -> None:
+        """Begins the warm-up in the background."""
+        threading.Thread(target=self._warm_up, name="warm-up", daemon=True).start()
+
+    def wait(self, seconds: float) -> bool:
+        """Waits for the end of the warm-up; False if it takes longer."""
+        return self._warm.wait(seconds)
+
+    def _warm_up(self) -> None:
+        began = time.monotonic()
+        try:
+            for operation, method, failed in warm_up():
+                if failed is not None:
+                    log.error("warm-up failed", operation=operation, method=method, reason=str(failed))
+        except Exception:
+            log.exception("warm-up broke off")
+        finally:
+            self._warm.set()
+            log.info("warm", seconds=round(time.monotonic() - began, 3))
+
+    def reason(self) -> str | None:
+        """Why the process should not be sent requests now, or None if it should."""
+        if not self._warm.is_set():
+            return "kernels are still being built"
+        with self._lock:
+            if time.monotonic() < self._good_until:
+                return None
+            canary = self._canary = self._canary or _Canary(self._request)
+        if not canary.back_within(self._patience):
+            return f"a tiny request has not come back within {self._patience:g} s"
+        with self._lock:
+            if self._canary is canary:
+                self._canary = None
+                self._good_until = 0.0 if canary.failed else time.monotonic() + FRESH
+        return "a tiny request failed" if canary.failed else None

@@ -1,0 +1,97 @@
+"""The account of a run as header fields.
+
+    Lichen-Method: fir; tail=0.0001
+    Lichen-Device: opencl
+    Lichen-Error: 1.23e-05; bound; max           value in output units, rounded up; how it is known; metric
+    Lichen-Skipped: identity;node="gaussian";reason="sigma is 0";bound=0
+    Lichen-Nonfinite: 0                          NaN and infinite samples of the result
+    Lichen-Clipped: 12                           samples beyond what integers hold, moved to the end of their range
+    Lichen-Space: srgb; alpha=straight; storage=uint8
+
+Values are single lines of ASCII. Text in quotes follows RFC 9651 (strings); what is not ASCII becomes `?`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from decimal import ROUND_CEILING, Decimal, localcontext
+from typing import Protocol
+
+from lichen.engine import Result
+from lichen.files import Encoded
+from lichen.image import Storage
+
+LONGEST = 2000
+"""Characters of `Lichen-Skipped`; the entries that do not fit are counted in a last one."""
+SKIPPING = ("dropped", "skipped")
+
+
+class Deciding(Protocol):
+    """What is read of a planner's decision."""
+
+    @property
+    def pass_(self) -> str: ...
+    @property
+    def node(self) -> str: ...
+    @property
+    def action(self) -> str: ...
+    @property
+    def reason(self) -> str: ...
+    @property
+    def bound(self) -> float: ...
+
+
+def report(result: Result, encoded: Encoded, storage: Storage) -> dict[str, str]:
+    """The header fields that say how a result was made. `Lichen-Skipped` is left out when nothing was."""
+    headers = {
+        "Lichen-Method": _line(result.method),
+        "Lichen-Device": _line(result.device),
+        "Lichen-Error": f"{rounded_up(result.error.value)}; {result.error.kind}; max",
+        "Lichen-Nonfinite": str(result.nonfinite),
+        "Lichen-Space": f"{result.image.space}; alpha={result.image.alpha}; storage={storage}",
+    }
+    if storage.integer:
+        headers["Lichen-Clipped"] = str(encoded.clipped)
+    dropped = skipped(result.decisions)
+    return headers | ({"Lichen-Skipped": dropped} if dropped else {})
+
+
+def skipped(decisions: Iterable[Deciding]) -> str:
+    """The decisions that left work out, as one list; empty when there were none."""
+    entries = [
+        f"{_token(each.pass_)};node={_string(each.node)};reason={_string(each.reason)};bound={rounded_up(each.bound)}"
+        for each in decisions
+        if each.action in SKIPPING
+    ]
+    kept: list[str] = []
+    for entry in entries:
+        if sum(map(len, kept)) + 2 * len(kept) + len(entry) > LONGEST:
+            kept.append(f"more;count={len(entries) - len(kept)}")
+            break
+        kept.append(entry)
+    return ", ".join(kept)
+
+
+def rounded_up(value: float) -> str:
+    """Three significant digits, never less than `value`: a bound must stay one.
+
+    >>> rounded_up(0.0123401)
+    '0.0124'
+    """
+    if not math.isfinite(value):
+        return str(value)
+    with localcontext(prec=3, rounding=ROUND_CEILING):
+        return f"{float(+Decimal(value)):.3g}"
+
+
+def _line(text: str) -> str:
+    return "".join(each if " " <= each <= "~" else "?" for each in text)
+
+
+def _string(text: str) -> str:
+    return '"' + _line(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _token(text: str) -> str:
+    return "".join(each if each.isascii() and (each.isalnum() or each in "-_.") else "-" for each in text) or "-"

@@ -1,0 +1,1 @@
+"""What answers each path. `lichen_service.app` puts the routes together."""

@@ -1,0 +1,192 @@
+"""POST and QUERY on an operation: an image in, its result out, with an account of how it was made.
+
+The road of a request: query and body are read and every flaw is collected; images are decoded within the limits; a
+format is agreed on; the engine runs; the result is encoded. Each step is timed, and none begins after the deadline.
+An entity tag stands for all that decides the bytes of the answer, so a request that names it is answered
+without computing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+from lichen import catalogue, engine
+from lichen.engine import Result
+from lichen.errors import Flaw, InvalidRequest, LichenError
+from lichen.files import Limits, decode, encode, probe
+from lichen.image import Image
+from lichen.operation import Facts, Operation
+from lichen_service import queries, uploads
+from lichen_service.documents import canonical, content_digest, matches, momentary
+from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
+from lichen_service.http.message import Request, Response
+from lichen_service.queries import Query
+from lichen_service.refusals import relocated
+from lichen_service.reports import report
+from lichen_service.routes.system import versions
+from lichen_service.settings import Settings
+from lichen_service.stages import Stages
+from lichen_service.uploads import Upload
+
+Uploads = Mapping[str, Upload]
+
+
+class Running:
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._limits = Limits(
+            pixels=settings.max_pixels,
+            side=settings.max_side,
+            channels=settings.max_channels,
+            bytes=settings.max_body,
+        )
+
+    def run(self, request: Request, name: str) -> Response:
+        """One run of the operation `name`."""
+        stages = Stages(request.head, self._settings.request_timeout)
+        operation = catalogue.operation(name)
+        query, given = self._read(operation, request)
+        with stages.stage("decode"):
+            images = self._decode(given)
+        with relocated():
+            return self._answer(request, operation, query, given, images, stages)
+
+    def _answer(
+        self,
+        request: Request,
+        operation: Operation[Any],
+        query: Query,
+        given: Uploads,
+        images: Mapping[str, Image],
+        stages: Stages,
+    ) -> Response:
+        head, options = request.head, query.options
+        parameters = {key: value for key, value in query.values.items() if key in operation.parameters.model_fields}
+        facts = operation.result(operation.validate(parameters), {key: Facts.of(each) for key, each in images.items()})
+        delivery = agree(options, head.headers.get("accept"), facts, _origin(operation, given, images))
+        first, arguments = _arguments(operation, query, images, delivery)
+        if options.explain or "if-none-match" in head.headers:
+            with stages.stage("plan"):
+                plan = engine.explain(operation.name, first, **arguments)
+            if options.explain:
+                return _plan_document(plan.to_json(), delivery, stages)
+            tag = _entity_tag(given, plan.digest, delivery)
+            if matches(head, tag):
+                return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
+        with stages.stage("run"):
+            result = engine.run(operation.name, first, **arguments)
+        stages.split("run", result.timing)
+        with stages.stage("encode"):
+            encoded = encode(result.image, delivery.format.name, storage=delivery.storage)
+        with stages.stage("digest"):
+            headers = {
+                "Content-Type": encoded.media_type,
+                "Content-Digest": content_digest(encoded.data),
+                "ETag": _entity_tag(given, result.plan.digest, delivery),
+                "Cache-Control": "no-cache",
+                "Vary": "Accept",
+                **report(result, encoded, delivery.storage),
+            }
+        headers["Server-Timing"] = stages.header()
+        return Response(200, encoded.data, headers, _log(operation, images, result, stages))
+
+    def _read(self, operation: Operation[Any], request: Request) -> tuple[Query, Uploads]:
+        """The query and the uploads. Raises what is wrong with either, all of it at once."""
+        query, flaws = queries.read(operation, request.head.query)
+        names = [each.name for each in operation.inputs]
+        given, wrong = uploads.read(request.head, request.body, names, readable(), self._settings.max_images)
+        flaws += wrong
+        flaws += [
+            Flaw(f"/inputs/{each.name}", "is required and was not sent")
+            for each in operation.inputs
+            if each.required and each.name not in given
+        ]
+        if flaws:
+            flaws += [flaw for name, upload in given.items() for flaw in self._flaws_of_header(name, upload)]
+            raise InvalidRequest(f"The request for {operation.name} has {len(flaws)} flaw(s).", flaws)
+        return query, given
+
+    def _flaws_of_header(self, name: str, upload: Upload) -> list[Flaw]:
+        """What the header of an image alone shows to be wrong; nothing is decoded for a request that fails anyway."""
+        try:
+            probe(upload.data).check(self._limits)
+        except LichenError as error:
+            return _flaws_of(name, error)
+        return []
+
+    def _decode(self, given: Uploads) -> dict[str, Image]:
+        """All images. Raises the first error with a pointer to every image that has one."""
+        images: dict[str, Image] = {}
+        failed: dict[str, LichenError] = {}
+        for name, upload in given.items():
+            try:
+                images[name] = decode(upload.data, limits=self._limits, media_type=upload.media_type)
+            except LichenError as error:
+                failed[name] = error
+        if failed:
+            first = next(iter(failed.values()))
+            flaws = [flaw for name, error in failed.items() for flaw in _flaws_of(name, error)]
+            raise type(first)(first.detail, flaws, limit=first.limit, actual=first.actual)
+        return images
+
+
+def _flaws_of(name: str, error: LichenError) -> list[Flaw]:
+    """What is wrong with an image, as flaws of the input `name`."""
+    pointer = f"/inputs/{name}"
+    below = [Flaw(pointer + flaw.pointer.removeprefix("/image"), flaw.detail) for flaw in error.flaws]
+    return below or [Flaw(pointer, error.detail)]
+
+
+def _origin(operation: Operation[Any], given: Uploads, images: Mapping[str, Image]) -> Origin:
+    """The first input that was sent, as far as the choice of a format goes."""
+    name = next((each.name for each in operation.inputs if each.name in images), None)
+    if name is None:
+        return NOWHERE
+    image = images[name]
+    return Origin(probe(given[name].data).format, image.storage, image.space, image.alpha)
+
+
+def _arguments(
+    operation: Operation[Any], query: Query, images: Mapping[str, Image], delivery: Delivery
+) -> tuple[Image | None, dict[str, Any]]:
+    """What the library is called with: the first input, and everything else by name."""
+    options = query.options
+    name = operation.inputs[0].name if operation.inputs else ""
+    return images.get(name), {
+        **query.values,
+        **{key: image for key, image in images.items() if key != name},
+        "method": options.method,
+        "max_error": options.max_error,
+        "max_ms": options.max_ms,
+        "device": options.device,
+        "nonfinite": options.nonfinite,
+        "prune": options.prune,
+        "space": delivery.space,
+        "alpha": delivery.alpha,
+        "storage": delivery.storage,
+    }
+
+
+def _plan_document(plan: Mapping[str, Any], delivery: Delivery, stages: Stages) -> Response:
+    response = momentary(200, {**plan, "format": delivery.format.name, "storage": delivery.storage})
+    response.headers |= {"Server-Timing": stages.header(), "Vary": "Accept"}
+    return response
+
+
+def _entity_tag(given: Uploads, plan: str, delivery: Delivery) -> str:
+    """Stands for all that decides the bytes of an answer: inputs, plan, engine, libraries, device and format."""
+    digests = {name: hashlib.sha256(upload.data).hexdigest() for name, upload in given.items()}
+    said = [digests, plan, delivery.format.name, delivery.storage, delivery.space, delivery.alpha, versions()]
+    return f'"{hashlib.sha256(canonical(said)).hexdigest()[:32]}"'
+
+
+def _log(operation: Operation[Any], images: Mapping[str, Image], result: Result, stages: Stages) -> dict[str, object]:
+    return {
+        "operation": operation.name,
+        "pixels": sum(image.height * image.width for image in images.values()),
+        "method": result.method,
+        "device": result.device,
+        "stages_ms": {name: round(seconds * 1e3, 3) for name, seconds in stages.seconds.items()},
+    }

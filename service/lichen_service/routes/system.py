@@ -1,0 +1,121 @@
+"""Paths about the service itself: alive, ready, versions, limits, the OpenAPI document, and a page with links."""
+
+from __future__ import annotations
+
+import html
+import platform
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from lichen import catalogue
+from lichen.opencl.device import default_device, status
+from lichen_service.descriptions import limits_of, path_of
+from lichen_service.documents import canonical, document, momentary
+from lichen_service.http.message import Request, Response
+from lichen_service.openapi import openapi, own_version
+from lichen_service.readiness import Readiness
+from lichen_service.refusals import RETRY_AFTER, Refusal
+from lichen_service.settings import Settings
+
+LIBRARIES = ("numpy", "scipy", "pyopencl", "opencv-python-headless", "OpenImageIO", "pydantic", "h11")
+
+
+class System:
+    def __init__(self, settings: Settings, readiness: Readiness) -> None:
+        self._settings = settings
+        self._readiness = readiness
+
+    def alive(self, request: Request, name: str) -> Response:
+        """The process answers; nothing else is said."""
+        return momentary(200, {"status": "alive"})
+
+    def ready(self, request: Request, name: str) -> Response:
+        """A tiny image has just gone through a real operation; else a 503 that says why not."""
+        reason = self._readiness.reason()
+        if reason is None:
+            return momentary(200, {"status": "ready"})
+        raise Refusal(
+            503,
+            "not-ready",
+            "The service is not ready",
+            f"Requests should go elsewhere: {reason}.",
+            headers={"Retry-After": RETRY_AFTER},
+            retryable=True,
+        )
+
+    def version(self, request: Request, name: str) -> Response:
+        return document(request.head, canonical(versions()))
+
+    def limits(self, request: Request, name: str) -> Response:
+        return document(request.head, canonical(limits_of(self._settings)))
+
+    def openapi(self, request: Request, name: str) -> Response:
+        return document(request.head, _openapi())
+
+    def index(self, request: Request, name: str) -> Response:
+        response = document(request.head, _page(), "text/html; charset=utf-8")
+        response.headers["Content-Security-Policy"] = (
+            "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'"
+        )
+        return response
+
+
+@cache
+def _openapi() -> bytes:
+    return canonical(openapi(catalogue.operations()))
+
+
+@cache
+def versions() -> dict[str, Any]:
+    """Versions of what computes: the engine, the device, the libraries and Python."""
+    device = default_device()
+    return {
+        "lichen": own_version(),
+        "python": platform.python_version(),
+        "libraries": {name: _version_of(name) for name in LIBRARIES},
+        "opencl": {"available": False, "reason": status().reason}
+        if device is None
+        else {"available": True, "device": device.name, "runtime": device.runtime},
+    }
+
+
+def _version_of(distribution: str) -> str | None:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return None
+
+
+@cache
+def _page() -> bytes:
+    """A plain page for whoever opens the service in a browser."""
+    rows = "".join(
+        f'<tr><td><a href="{html.escape(path_of(name))}">{html.escape(name)}</a></td>'
+        f"<td>{html.escape(each.family)}</td><td>{html.escape(each.summary)}</td></tr>"
+        for name, each in catalogue.operations().items()
+    )
+    links = " · ".join(
+        f'<a href="{path}">{path}</a>'
+        for path in ("/v1/operations", "/v1/limits", "/v1/version", "/openapi.json", "/livez", "/readyz")
+    )
+    return f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<title>Lichen</title>
+<meta name="viewport" content="width=device-width">
+<style>
+body {{ font: 1rem/1.5 system-ui; margin: 2rem auto; max-width: 60rem; padding: 0 1rem }}
+td {{ padding: .1rem 1rem .1rem 0 }}
+</style>
+</head>
+<body>
+<h1>Lichen {html.escape(own_version())}</h1>
+<p>Image operations over HTTP whose accuracy has a stated price.
+Send an image to <code>/v1/operations/NAME?parameter=value</code> with POST or QUERY; the answer is the result.</p>
+<table>{rows}</table>
+<p>{links}</p>
+</body>
+</html>
+""".encode()
