@@ -137,11 +137,11 @@ def _smallest_request() -> tuple[bytes, str, tuple[tuple[str, str], ...]]:
             continue
         inputs, parameters = made
         body = encode(next(iter(inputs.values())), "npy").data
-        return body, path_of(operation.name), (*_as_query(parameters), ("prune", "false"))
+        return body, path_of(operation.name), (*as_query(parameters), ("prune", "false"))
     raise RuntimeError("no operation of the catalogue offers an example with one image")
 
 
-def _as_query(parameters: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+def as_query(parameters: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     """Parameters as a URL gives them: text plain, everything else as JSON."""
     return tuple(
         (name, value if isinstance(value, str) else canonical(value).decode()) for name, value in parameters.items()

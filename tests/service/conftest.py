@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl
 
 import numpy as np
 import pytest
@@ -37,13 +37,14 @@ class Caller:
         headers: Mapping[str, str] | None = None,
         *,
         seconds: float | None = None,
+        query: Sequence[tuple[str, str]] | None = None,
     ) -> Response:
-        parts = urlsplit(target)
+        path, _, text = target.partition("?")
         now = time.monotonic()
         head = Head(
             method,
-            parts.path,
-            tuple(parse_qsl(parts.query, keep_blank_values=True)),
+            path,
+            tuple(parse_qsl(text, keep_blank_values=True) if query is None else query),
             {"content-length": str(len(body)), **(headers or {})},
             "test-request",
             now,
