@@ -222,7 +222,7 @@ def test_documents_are_fetched_and_plans_asked_for(call: Call, server: Any, answ
         ("GET", "/v1/operations"),
         ("GET", "/v1/operations/a%20b"),
         ("GET", "/v1/version"),
-        ("QUERY", "/v1/operations/gaussian?explain=true"),
+        ("QUERY", "/v1/operations/gaussian?format=npy&explain=true"),
     ]
 
 

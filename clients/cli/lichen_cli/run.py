@@ -39,11 +39,11 @@ def main(arguments: Sequence[str]) -> int:
             raise Usage("the name of an operation comes first; see lichen run --help")
         print(_HELP, end="")
         return 0 if arguments else 2
-    import lichen
+    from lichen.catalogue import operation
     from lichen_cli import options
 
-    operation = lichen.operation(arguments[0])
-    return _run(operation, options.read(operation, arguments[1:]))
+    chosen = operation(arguments[0])
+    return _run(chosen, options.read(chosen, arguments[1:]))
 
 
 def _run(operation: Operation[Any], given: Given) -> int:

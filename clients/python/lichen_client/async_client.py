@@ -32,9 +32,11 @@ class AsyncClient(Transport):
         call = await asyncio.to_thread(calls.run_call, operation, image, values, format=format)
         return calls.read_result(await self._converse(call))
 
-    async def explain(self, operation: str, image: ImageLike = None, /, **values: Any) -> dict[str, Any]:
+    async def explain(
+        self, operation: str, image: ImageLike = None, /, *, format: str | None = None, **values: Any
+    ) -> dict[str, Any]:
         """As `Client.explain`."""
-        call = await asyncio.to_thread(calls.run_call, operation, image, values, format=None, explain=True)
+        call = await asyncio.to_thread(calls.run_call, operation, image, values, format=format, explain=True)
         return await self._document(call)
 
     async def operations(self) -> dict[str, Any]:

@@ -102,7 +102,7 @@ def run_call(
             raise TypeError("the first image is given twice")
         images = {_FIRST: image, **images}
     parts = tuple(_part(name, value) for name, value in images.items())
-    wanted = {"explain": "true"} if explain else {"format": format or "npy"}
+    wanted = {"format": format or "npy"} | ({"explain": "true"} if explain else {})
     return Call(
         method="QUERY",
         target=f"/v1/operations/{quote(operation, safe='')}?{urlencode({**parameters, **wanted}, quote_via=quote)}",

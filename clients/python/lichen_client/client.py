@@ -45,9 +45,11 @@ class Client(Transport):
         """
         return calls.read_result(self._converse(calls.run_call(operation, image, values, format=format)))
 
-    def explain(self, operation: str, image: ImageLike = None, /, **values: Any) -> dict[str, Any]:
+    def explain(
+        self, operation: str, image: ImageLike = None, /, *, format: str | None = None, **values: Any
+    ) -> dict[str, Any]:
         """The plan the service would follow for the same `run`, and why; no pixel is computed."""
-        call = calls.run_call(operation, image, values, format=None, explain=True)
+        call = calls.run_call(operation, image, values, format=format, explain=True)
         return self._document(call)
 
     def operations(self) -> dict[str, Any]:
