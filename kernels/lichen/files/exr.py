@@ -79,7 +79,10 @@ def _text(data: memoryview, start: int) -> tuple[str, int]:
     raw, zero, _ = bytes(data[start : start + 256]).partition(b"\0")
     if not zero:
         raise UnreadableImage("The EXR header holds a name without an end.")
-    return raw.decode("utf-8", "replace"), start + len(raw) + 1
+    try:
+        return raw.decode(), start + len(raw) + 1
+    except UnicodeDecodeError:
+        raise UnreadableImage("The EXR header holds a name that is not UTF-8.") from None
 
 
 def _attributes(data: memoryview, start: int) -> tuple[Attributes, int]:

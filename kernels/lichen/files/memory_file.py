@@ -65,5 +65,9 @@ def read(name: str, parts: Iterable[bytes | memoryview], sample: str) -> tuple[A
 
 def _reason(source: Any) -> str:
     """The library's own sentence, on one line, without the path that means nothing to anybody."""
-    sentence = " ".join(str(source.geterror()).split()).replace("/proc/self/fd/", "descriptor ")
+    try:
+        text = str(source.geterror())
+    except UnicodeDecodeError:  # it quotes the file, whose bytes need not be text
+        return "no readable reason given"
+    sentence = " ".join(text.split()).replace("/proc/self/fd/", "descriptor ")
     return sentence.rstrip(".")[:200] or "no reason given"

@@ -48,7 +48,8 @@ def to_storage(pixels: Array, storage: Storage) -> tuple[Array, int, int]:
 
 def _integers(source: Array, target: Array) -> tuple[int, int]:
     levels = np.iinfo(target.dtype).max
-    scaled = source * source.dtype.type(levels)
+    with np.errstate(over="ignore"):  # what overflows is clipped below
+        scaled = source * source.dtype.type(levels)
     np.rint(scaled, out=scaled)
     low, high = scaled.min(), scaled.max()
     clipped = nonfinite = 0
@@ -66,13 +67,15 @@ def _floats(source: Array, target: Array) -> tuple[int, int]:
     if target.dtype.itemsize > source.dtype.itemsize:
         target[...] = source
         return 0, 0
+    largest = np.finfo(target.dtype).max
+    if max(source.max(), -source.min()) <= largest:  # false where there is a NaN
+        target[...] = source
+        return 0, 0
     with np.errstate(over="ignore"):
         target[...] = source
     overflowed = np.isinf(target) & np.isfinite(source)
-    clipped = int(np.count_nonzero(overflowed))
-    if clipped:
-        target[overflowed] = np.copysign(np.finfo(target.dtype).max, source[overflowed])
-    return clipped, 0
+    target[overflowed] = np.copysign(largest, source[overflowed])
+    return int(np.count_nonzero(overflowed)), 0
 
 
 def upright(samples: Array, orientation: int) -> Array:

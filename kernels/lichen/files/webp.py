@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
-import cv2
 import numpy as np
 
 from lichen.errors import UnreadableImage
@@ -82,7 +82,16 @@ def read_header(data: memoryview) -> Header:
     )
 
 
+@cache
+def _library() -> Any:
+    import cv2  # heavy, and only this format needs it
+
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # damage is reported, not printed
+    return cv2
+
+
 def read_samples(data: memoryview, header: Header) -> Array:
+    cv2 = _library()
     try:
         samples: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as failure:

@@ -1,0 +1,295 @@
+"""Files made to harm: huge claims, damaged and missing parts, garbage. Only `LichenError`s come out, early."""
+
+from __future__ import annotations
+
+import io
+import struct
+import subprocess
+import sys
+import textwrap
+import zlib
+from functools import cache
+
+import numpy as np
+import pytest
+import tifffile
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from PIL import Image as Pictures
+
+from lichen import files
+from lichen.errors import LichenError, TooLarge, UnreadableImage, UnsupportedFormat
+from lichen.image import Image, Space, Storage, as_image
+
+SMALL = files.Limits(pixels=1_000_000)
+
+
+@cache
+def valid(kind: str) -> bytes:
+    """A small valid file of each format and of the codings whose decoders differ."""
+    codes = np.random.default_rng(2).integers(0, 256, (23, 31, 3)).astype(np.uint8)
+    image, picture = as_image(codes).replace(space=Space.LINEAR), Pictures.fromarray(codes)
+    target = io.BytesIO()
+    match kind.split():
+        case ["jpeg", "progressive"]:
+            picture.save(target, "jpeg", progressive=True)
+        case ["webp", "lossy"]:
+            picture.save(target, "webp", quality=50)
+        case ["webp", "animated"]:
+            picture.save(
+                target, "webp", save_all=True, append_images=[picture.transpose(Pictures.Transpose.ROTATE_180)]
+            )
+        case ["png", "palette"]:
+            picture.quantize(9).save(target, "png", transparency=2)
+        case ["tiff", "tiles"]:
+            tifffile.imwrite(target, np.tile(codes, (2, 2, 1)), tile=(16, 16), photometric="rgb")
+        case ["tiff", coding]:
+            picture.save(target, "tiff", compression=coding)
+        case [name, storage]:
+            return files.encode(image, name, storage=Storage(storage)).data
+    return target.getvalue()
+
+
+KINDS = (
+    *("png uint8", "png uint16", "png palette", "jpeg uint8", "jpeg progressive", "webp uint8", "webp lossy"),
+    *("webp animated", "tiff uint8", "tiff float32", "tiff tiles", "tiff tiff_lzw", "tiff tiff_adobe_deflate"),
+    *("tiff jpeg", "exr float16", "exr float32", "npy float32", "npy uint8"),
+)
+
+
+def mended(data: bytes) -> bytes:
+    """A PNG file with its checksums made right again, so that damage reaches the decoder."""
+    result, start = bytearray(data), 8
+    while start + 12 <= len(result):
+        size = struct.unpack_from(">I", result, start)[0]
+        end = start + 8 + size
+        if end + 4 > len(result):
+            break
+        result[end : end + 4] = struct.pack(">I", zlib.crc32(result[start + 4 : end]))
+        start = end + 4
+    return bytes(result)
+
+
+# --------------------------------------------------------------------------------------------------- huge claims
+
+
+def claims() -> dict[str, bytes]:
+    """Small files whose headers claim gigapixels."""
+    noise = Pictures.fromarray(np.random.default_rng(0).integers(0, 256, (40, 40, 3)).astype(np.uint8))
+    target = io.BytesIO()
+    noise.save(target, "jpeg")
+    jpeg = target.getvalue()
+    frame = jpeg.index(b"\xff\xc0")
+    linear = Image(np.ones((8, 8, 3), np.float32), Space.LINEAR)
+    exr = bytearray(files.encode(linear, "exr").data)
+    window = exr.index(b"dataWindow\0box2i\0") + 21
+    exr[window : window + 16] = struct.pack("<4i", -(1 << 30), -(1 << 30), (1 << 30) - 1, (1 << 30) - 1)
+    tiff = bytearray(files.encode(linear, "tiff").data)
+    ifd = struct.unpack_from("<I", tiff, 4)[0]
+    for i in range(struct.unpack_from("<H", tiff, ifd)[0]):
+        at = ifd + 2 + 12 * i
+        if struct.unpack_from("<H", tiff, at)[0] in (256, 257):
+            struct.pack_into("<HII", tiff, at + 2, 4, 1, 4_000_000)
+    png = bytearray(files.encode(linear, "png").data)
+    struct.pack_into(">II", png, 16, 16_384, 16_384)
+    packed = struct.pack("<BI", 0x2F, 16_382 | 16_382 << 14)
+    webp = b"RIFF" + struct.pack("<I", 18) + b"WEBPVP8L" + struct.pack("<I", 5) + packed + b"\0"
+    shape = b"{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000, 1000000000, 3), }\n"
+    return {
+        "jpeg": jpeg[: frame + 5] + struct.pack(">HH", 64_250, 64_250) + jpeg[frame + 9 :],
+        "exr": bytes(exr),
+        "tiff": bytes(tiff),
+        "png": mended(bytes(png)),
+        "webp": webp,
+        "npy": b"\x93NUMPY\1\0" + struct.pack("<H", len(shape)) + shape,
+    }
+
+
+@pytest.mark.parametrize("name", list(files.FORMATS))
+def test_huge_claims_are_refused_by_the_header(name: str) -> None:
+    data = claims()[name]
+    assert len(data) < 8000
+    with pytest.raises((TooLarge, UnreadableImage)) as refused:
+        files.decode(data)
+    if name != "tiff":  # uncompressed: the bytes are missing, which is found first
+        assert isinstance(refused.value, TooLarge)
+        assert refused.value.actual > refused.value.limit  # type: ignore[operator]
+        assert refused.value.flaws
+
+
+def test_every_limit_is_checked() -> None:
+    data = files.encode(Image(np.zeros((20, 30, 5), np.float32)), "npy").data
+    exact = files.Limits(pixels=600, side=30, channels=5, bytes=12_000)
+    assert files.decode(data, limits=exact).channels == 5
+    for change in ({"pixels": 599}, {"side": 29}, {"channels": 4}, {"bytes": 11_999}):
+        with pytest.raises(TooLarge) as refused:
+            files.decode(data, limits=files.Limits(**{"pixels": 600, "side": 30, "channels": 5, **change}))
+        assert len(refused.value.flaws) == 1
+        assert refused.value.limit == next(iter(change.values()))
+    with pytest.raises(TooLarge) as refused:
+        files.decode(data, limits=files.Limits(1, 1, 1, 1))
+    assert len(refused.value.flaws) == 5
+
+
+def test_claims_take_no_memory() -> None:
+    """All bombs in one fresh process: its peak of memory grows by no more than 20 MB over that of a small decode."""
+    script = f"""
+    import importlib.util, resource, struct, zlib
+    import numpy as np
+    spec = importlib.util.spec_from_file_location("hostile", {__file__!r})
+    hostile = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(hostile)
+    bombs = list(hostile.claims().values())
+    png = hostile.valid("png uint8")
+    for name in (b"iCCP", b"zTXt"):
+        body = b"x\\0\\0" + zlib.compress(bytes(100_000_000), 9)
+        chunk = struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+        bombs.append(png[:33] + chunk * 5 + png[33:])
+    tall = bytearray(png)
+    struct.pack_into(">II", tall, 16, 9_000, 9_000)  # below the limit, but the data cannot hold it
+    bombs.append(hostile.mended(bytes(tall)))
+    jpeg = hostile.valid("jpeg uint8")
+    frame = jpeg.index(b"\\xff\\xc0")
+    bombs.append(jpeg[: frame + 5] + struct.pack(">HH", 9_000, 9_000) + jpeg[frame + 9 :])
+    for kind in hostile.KINDS:
+        hostile.files.decode(hostile.valid(kind))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for bomb in bombs:
+        try:
+            hostile.files.decode(bomb)
+        except hostile.LichenError:
+            pass
+    print(len(bombs), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+    """
+    run = subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, check=True)
+    count, grown = map(int, run.stdout.split())
+    assert count == 10
+    assert grown < 20_000, f"{grown} kB"
+
+
+def test_a_chain_of_directories_ends() -> None:
+    tiff = bytearray(valid("tiff uint8"))
+    first = struct.unpack_from("<I", tiff, 4)[0]
+    count = struct.unpack_from("<H", tiff, first)[0]
+    link = first + 2 + 12 * count
+    struct.pack_into("<I", tiff, link, first)
+    assert files.probe(bytes(tiff)).pages == 1
+    struct.pack_into("<I", tiff, link, len(tiff))
+    for i in range(100_000):
+        tiff += struct.pack("<HI", 0, len(tiff) + 6 if i < 99_999 else 0)
+    assert files.probe(bytes(tiff)).pages == 1000
+    assert files.decode(bytes(tiff)).width == 31
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"{'descr': '|O', 'fortran_order': False, 'shape': (2, 2), }",
+        b"{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (2, 2), }",
+        b"{'descr': '<c8', 'fortran_order': False, 'shape': (2, 2), }",
+        b"{'descr': '<i4', 'fortran_order': False, 'shape': (2, 2), }",
+        b"{'descr': '<f4', 'fortran_order': 0, 'shape': (2, 2), }",
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (-2, 2), }",
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (True, 2), }",
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (2, 2, 2, 2), }",
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (0, 2), }",
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }",
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (2, 2), 'more': 1, }",
+        b"__import__('os').abort()",
+        b"(" * 5000,
+        b"-" * 9000 + b"1",
+        b"\xff\xfe",
+        b"",
+    ],
+)
+def test_npy_headers_are_parsed_not_evaluated(header: bytes) -> None:
+    data = b"\x93NUMPY\1\0" + struct.pack("<H", len(header)) + header + bytes(16)
+    with pytest.raises((UnreadableImage, UnsupportedFormat)):
+        files.decode(data)
+
+
+# ------------------------------------------------------------------------------------------- damage and garbage
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_truncated_files_are_refused_at_every_length(kind: str) -> None:
+    data = valid(kind)
+    files.decode(data)
+    lengths = {*range(min(len(data), 40)), *range(40, len(data), max(1, len(data) // 60)), len(data) - 2}
+    if kind.startswith("tiff"):  # the directory lies anywhere, and its end need not be the file's
+        lengths = {length for length in lengths if length < 0.9 * len(data)}
+    for length in sorted(lengths):
+        with pytest.raises((UnreadableImage, UnsupportedFormat)):
+            files.decode(data[:length])
+
+
+@pytest.mark.parametrize("kind", ["png uint8", "png uint16", "png palette"])
+def test_a_changed_bit_in_a_png_is_found(kind: str) -> None:
+    data = valid(kind)
+    for position in range(8, len(data), max(1, len(data) // 200)):
+        damaged = bytearray(data)
+        damaged[position] ^= 4
+        with pytest.raises(LichenError):
+            files.decode(bytes(damaged))
+
+
+def test_half_a_jpeg_with_an_end_is_no_picture() -> None:
+    data = valid("jpeg uint8")
+    with pytest.raises(UnreadableImage, match="premature"):
+        files.decode(data[: len(data) * 2 // 3] + b"\xff\xd9")
+
+
+def test_empty_and_unknown_bytes() -> None:
+    with pytest.raises(UnreadableImage, match="no bytes"):
+        files.decode(b"")
+    for data in (b"GIF89a" + bytes(100), b"\0" * 100, b"%PDF", b"RIFF1234WAVE"):
+        with pytest.raises(UnsupportedFormat, match="png or jpeg"):
+            files.decode(data)
+
+
+QUIET = settings(max_examples=250, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+MAGIC = st.sampled_from([valid(kind)[:n] for kind in KINDS for n in (4, 8, 12, 16)])
+
+
+@QUIET
+@given(st.binary(max_size=400), MAGIC)
+@example(b"", b"\x93NUMPY\1\0")
+def test_garbage_raises_only_our_errors(tail: bytes, magic: bytes) -> None:
+    for data in (tail, magic + tail):
+        try:
+            image = files.decode(data, limits=SMALL)
+        except LichenError:
+            continue
+        assert image.pixels.size
+
+
+Change = tuple[str, int, bytes]
+CHANGES = st.lists(
+    st.tuples(
+        st.sampled_from(["set", "insert", "delete", "end"]), st.integers(0, 1 << 16), st.binary(min_size=1, max_size=6)
+    ),
+    min_size=1,
+    max_size=6,
+)
+
+
+@settings(QUIET, max_examples=1200)
+@given(st.sampled_from(KINDS), CHANGES, st.booleans())
+def test_mutated_files_raise_only_our_errors(kind: str, changes: list[Change], early: bool) -> None:
+    data = bytearray(valid(kind))
+    for what, where, piece in changes:
+        at = where % max(1, min(len(data), 300) if early else len(data))
+        match what:
+            case "set":
+                data[at : at + len(piece)] = piece
+            case "insert":
+                data[at:at] = piece
+            case "delete":
+                del data[at : at + len(piece)]
+            case "end":
+                del data[max(at, 16) :]
+    try:
+        image = files.decode(mended(bytes(data)) if kind.startswith("png") else bytes(data), limits=SMALL)
+    except LichenError:
+        return
+    assert image.pixels.shape == (image.height, image.width, image.channels)
