@@ -15,6 +15,7 @@ from typing import Any, Protocol
 from lichen_service.http.message import Response
 
 MEDIA_TYPE = "application/problem+json"
+_ENCODER = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), allow_nan=False)
 
 
 class BadField(Protocol):
@@ -68,9 +69,11 @@ def to_json(value: object) -> bytes:
     >>> to_json({"error": float("nan")})
     b'{"error":null}'
     """
-    return json.dumps(_finite(value), ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode(
-        "utf-8", "replace"
-    )
+    try:
+        text = _ENCODER.encode(value)
+    except ValueError:
+        text = _ENCODER.encode(_finite(value))
+    return text.encode("utf-8", "replace")
 
 
 def _finite(value: Any) -> Any:

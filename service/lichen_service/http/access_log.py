@@ -2,12 +2,16 @@
 
 JSON escapes every control character, so no request can forge a line. The query is kept, cut short, and without the
 values of parameters that are secret by their name. NaN in a field of a route becomes null.
+
+Lines are gathered, by any thread, until `flush`, which the loop calls once a round: each write to a stream lets other
+threads take the interpreter, and one per request would cost more than the rest of the request.
 """
 
 from __future__ import annotations
 
 import re
 import sys
+from collections import deque
 from collections.abc import Mapping, MutableMapping
 from typing import Any, TextIO
 
@@ -17,20 +21,24 @@ from lichen_service.problems import to_json
 
 LONGEST_QUERY = 256
 _SECRET = re.compile(r"(?i)(^|&)([^=&]*(?:key|token|secret|signature|password)[^=&]*)=[^&]*")
+_PLAIN = (str, int, float, type(None), list, tuple, dict)
 
 
 class AccessLog:
     """Writes to `stream`, by default standard error."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._gathered = _Gathered()
         self._log = structlog.wrap_logger(
-            structlog.WriteLogger(stream or sys.stderr),
+            self._gathered,
             processors=[
                 structlog.processors.TimeStamper(fmt="iso", utc=True, key="time"),
                 structlog.processors.add_log_level,
                 structlog.processors.format_exc_info,
                 _render,
             ],
+            cache_logger_on_first_use=True,
         )
 
     def answered(self, fields: Mapping[str, object]) -> None:
@@ -39,6 +47,26 @@ class AccessLog:
     def failed(self, what: str, **fields: object) -> None:
         """A defect: logged with the traceback of the exception being handled."""
         self._log.error(what, exc_info=True, **fields)
+
+    def flush(self) -> None:
+        if text := self._gathered.take():
+            self._stream.write(text)
+            self._stream.flush()
+
+
+class _Gathered:
+    """The end of structlog's chain; a deque, since lines come from several threads."""
+
+    def __init__(self) -> None:
+        self._lines: deque[str] = deque()
+
+    def info(self, line: str) -> None:
+        self._lines.append(line + "\n")
+
+    error = info
+
+    def take(self) -> str:
+        return "".join(self._lines.popleft() for _ in range(len(self._lines)))
 
 
 def shown_query(query: str) -> str:
@@ -51,8 +79,4 @@ def shown_query(query: str) -> str:
 
 
 def _render(_logger: object, _method: str, event: MutableMapping[str, Any]) -> str:
-    return to_json({name: value if _is_plain(value) else str(value) for name, value in event.items()}).decode()
-
-
-def _is_plain(value: object) -> bool:
-    return value is None or isinstance(value, str | int | float | bool | list | tuple | dict)
+    return to_json({name: value if isinstance(value, _PLAIN) else str(value) for name, value in event.items()}).decode()

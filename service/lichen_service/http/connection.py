@@ -62,18 +62,19 @@ class Connection:
         self._scanner = HeadScanner()
         self._exchange = Exchange("")
         self._served = 0
+        self._watched = 0
         self._ended = False
         """the peer will send no more"""
         self._gone = False
         """the peer cannot be reached any more"""
-        self._deadline = loop.reactor.deadline(self._guarded(self._expire))
+        self._deadline = loop.reactor.deadline(partial(self._guard, self._expire))
         self._deadline.set(time.monotonic() + loop.settings.idle_timeout)
         self._watch()
 
     # Events
 
     def ready(self, mask: int) -> None:
-        self._guarded(partial(self._ready, mask))()
+        self._guard(lambda: self._ready(mask))
 
     def drain(self) -> None:
         """The service ends: take a request that has already come, close if there is none."""
@@ -92,25 +93,22 @@ class Connection:
         self._socket.close()
         self._loop.closed(self)
 
-    def _guarded(self, call: Callable[[], None]) -> Callable[[], None]:
+    def _guard(self, call: Callable[[], None]) -> None:
         """Nothing that happens to one connection may reach another."""
-
-        def guarded() -> None:
-            try:
-                call()
-            except OSError:
-                self._lost()
-            except Exception:
-                self._loop.log.failed("connection", request_id=self._exchange.request_id)
-                self._lost()
-
-        return guarded
+        try:
+            call()
+        except OSError:
+            self._lost()
+        except Exception:
+            self._loop.log.failed("connection", request_id=self._exchange.request_id)
+            self._lost()
 
     def _ready(self, mask: int) -> None:
         if self.phase is Phase.CLOSED:
             return
         if mask & WRITE and self.phase is Phase.WRITE:
-            self._write()
+            self._exchange.send(self._socket)
+            self._begin_writing()
         elif mask & READ:
             self._read()
         self._advance()
@@ -127,11 +125,13 @@ class Connection:
 
     def _expire(self) -> None:
         late = Refusal(408, "request-timeout", "the request did not arrive in time")
-        if self.phase is Phase.BODY or (self.phase is Phase.HEAD and self._buffer.strip(b"\r\n")):
+        if self.phase is Phase.BODY:
             self._refuse(late)
-            self._advance()
+        elif self.phase is Phase.HEAD and self._buffer.strip(b"\r\n"):
+            self._refuse_unread(late)
         else:
-            self._lost() if self.phase is Phase.WRITE else self.close()
+            self._lost()
+        self._advance()
 
     # Receiving
 
@@ -150,14 +150,7 @@ class Connection:
 
     def _advance(self) -> None:
         """Go on as far as the bytes at hand allow."""
-        steps = {
-            Phase.IDLE: self._take_head,
-            Phase.HEAD: self._take_head,
-            Phase.BODY: self._take_body,
-            Phase.DISCARD: self._take_discarded,
-            Phase.LINGER: self._take_lingering,
-        }
-        while (step := steps.get(self.phase)) and step():
+        while (step := _STEPS.get(self.phase)) and step(self):
             pass
         self._watch()
 
@@ -167,7 +160,9 @@ class Connection:
         ahead = self.phase is Phase.WORK and len(self._buffer) >= self._loop.bounds.read_size
         reading = 0 if self._ended or self._gone or ahead else READ
         events = WRITE if self.phase is Phase.WRITE else reading
-        self._loop.reactor.watch(self._socket, events, self.ready)
+        if events != self._watched:
+            self._watched = events
+            self._loop.reactor.watch(self._socket, events, self.ready)
 
     def _take_head(self) -> bool:
         if not self._buffer:
@@ -182,16 +177,15 @@ class Connection:
                 self.phase = Phase.HEAD
                 self._deadline.set(time.monotonic() + self._loop.settings.header_timeout)
             return False
-        self._exchange = Exchange(choose_request_id(None), self._peer)
         if isinstance(end, Refusal):
-            self._refuse(end)
+            self._refuse_unread(end)
             return True
         raw = bytes(self._buffer[:end])
         del self._buffer[:end]
         self._scanner = HeadScanner()
         opening = read_head(raw)
         if isinstance(opening, Refusal):
-            self._refuse(opening)
+            self._refuse_unread(opening)
         else:
             self._begin(opening)
         return True
@@ -292,13 +286,16 @@ class Connection:
         """Answer without reading the body; keep the connection where dropping the body is cheap and unambiguous."""
         exchange = self._exchange
         length = exchange.head.length if isinstance(exchange.head, Head) else None
-        if length is None or exchange.waits_for_continue:
+        if length is None or exchange.waits_for_continue or length - len(self._buffer) > self._loop.bounds.drain:
             exchange.keep_alive = False
-        elif length - len(self._buffer) <= self._loop.bounds.drain:
-            exchange.discard = length
         else:
-            exchange.keep_alive = False
+            exchange.discard = length
         self._respond(response)
+
+    def _refuse_unread(self, refusal: Refusal) -> None:
+        """Refuse a request of which no more is known than that it is broken."""
+        self._exchange = Exchange(choose_request_id(None), self._peer)
+        self._refuse(refusal)
 
     def _refuse(self, refusal: Refusal) -> None:
         """Answer that the request is broken; the connection ends with it."""
@@ -320,7 +317,7 @@ class Connection:
         except OSError:
             self._gone = True
         finally:
-            self._loop.reactor.post(self._guarded(self._answered))
+            self._loop.reactor.post(partial(self._guard, self._answered))
 
     def _answered(self) -> None:
         self._loop.worked()
@@ -354,10 +351,6 @@ class Connection:
         else:
             self._finish()
 
-    def _write(self) -> None:
-        self._exchange.send(self._socket)
-        self._begin_writing()
-
     def _finish(self) -> None:
         """The answer has left."""
         self._loop.log.answered(self._exchange.record())
@@ -371,7 +364,6 @@ class Connection:
 
     def _next(self) -> None:
         self.phase = Phase.IDLE
-        self._exchange = Exchange("")
         self._deadline.set(time.monotonic() + self._loop.settings.idle_timeout)
 
     def _linger(self) -> None:
@@ -394,3 +386,12 @@ class Connection:
         self._exchange.body = None
         self._loop.held -= self._exchange.held
         self._exchange.held = 0
+
+
+_STEPS: dict[Phase, Callable[[Connection], bool]] = {
+    Phase.IDLE: Connection._take_head,
+    Phase.HEAD: Connection._take_head,
+    Phase.BODY: Connection._take_body,
+    Phase.DISCARD: Connection._take_discarded,
+    Phase.LINGER: Connection._take_lingering,
+}

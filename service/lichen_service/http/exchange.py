@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import mmap
 import socket
 import time
@@ -21,12 +22,12 @@ class FixedBody:
     """A body of known length, received in place.
 
     Large ones get pages of their own from the system: aligned for zero-copy use, taken only as bytes arrive (so that
-    claiming a large body costs us nothing), and given back at once with the last view of them.
+    claiming a large body costs us nothing), and given back at once with the last view of them. Huge pages spare the
+    page faults, which otherwise cost ten times the copy.
     """
 
     def __init__(self, length: int) -> None:
-        memory = mmap.mmap(-1, length) if length >= _OWN_PAGES else bytearray(length)
-        self.body = memoryview(memory)
+        self.body = memoryview(_own_pages(length) if length >= _OWN_PAGES else bytearray(length))
         self.received = 0
 
     @property
@@ -139,6 +140,13 @@ class Exchange:
             line["queue_ms"] = _milliseconds(self.queued, self.work_started)
             line["work_ms"] = _milliseconds(self.work_started, self.work_ended)
         return {**self.fields, **line}
+
+
+def _own_pages(length: int) -> mmap.mmap:
+    memory = mmap.mmap(-1, length, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    with contextlib.suppress(AttributeError, OSError):  # a system without huge pages
+        memory.madvise(mmap.MADV_HUGEPAGE)
+    return memory
 
 
 def _flat(body: Body) -> memoryview:

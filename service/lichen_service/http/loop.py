@@ -11,6 +11,7 @@ import errno
 import socket
 import time
 from collections.abc import Callable
+from functools import partial
 from http import HTTPStatus
 
 from lichen_service.http.access_log import AccessLog
@@ -30,7 +31,7 @@ _ACCEPTS_AT_ONCE = 8
 class Loop:
     """Serves `application` on a listening socket, which it closes in the end.
 
-    `held` and `memory` are the bytes of request bodies in memory now and at most.
+    `in_flight` requests are queued or computed now; `held` and `memory` are the bytes of request bodies now and at most.
     """
 
     def __init__(
@@ -46,13 +47,14 @@ class Loop:
         self.bounds = bounds or Bounds()
         self.log = log or AccessLog()
         self.reactor = Reactor()
+        self.reactor.after_round = self.log.flush
         self.scratch = memoryview(bytearray(self.bounds.read_size))
         self.draining = False
         self.held = 0
         self.memory = self.bounds.bodies_in_flight * settings.max_body
         self._application = application
         self._pool = Pool(settings.threads)
-        self._in_flight = 0
+        self.in_flight = 0
         self._connections: set[Connection] = set()
         self._listener = listener
         self._listener.setblocking(False)
@@ -69,6 +71,7 @@ class Loop:
         self._listener.close()
         self._pool.stop(timeout=1.0 if drained else 0.0)
         self.reactor.close()
+        self.log.flush()
         return drained
 
     def stop(self) -> None:
@@ -129,12 +132,13 @@ class Loop:
         """Queue a job for the pool, which must end with a call of `worked`; false when there is no room."""
         if self._full:
             return False
-        self._in_flight += 1
-        self._pool.submit(job)
+        self.in_flight += 1
+        # After this round: a thread that wakes while the loop has work to do only takes the interpreter from it.
+        self.reactor.post(partial(self._pool.submit, job))
         return True
 
     def worked(self) -> None:
-        self._in_flight -= 1
+        self.in_flight -= 1
 
     def busy(self, request_id: str, detail: str = "All places in the queue are taken.") -> Response:
         return problem(
@@ -166,7 +170,7 @@ class Loop:
 
     @property
     def _full(self) -> bool:
-        return self._in_flight >= self.settings.threads + self.settings.queue
+        return self.in_flight >= self.settings.threads + self.settings.queue
 
     def _listen(self) -> None:
         if not self.draining:

@@ -71,6 +71,9 @@ class Reactor:
         self._order = itertools.count()
         self._posted: deque[Call] = deque()
         self._stopped = False
+        self._asleep = False
+        self.after_round: Call = _nothing
+        """made after each round of events"""
         self._woken, self._waker = socket.socketpair()
         self._woken.setblocking(False)
         self._waker.setblocking(False)
@@ -91,8 +94,10 @@ class Reactor:
         return Deadline(self, call)
 
     def post(self, call: Call) -> None:
-        """Make a call on the reactor's thread; safe from any thread and from signal handlers."""
+        """Make a call on the reactor's thread, after this round; safe from any thread and from signal handlers."""
         self._posted.append(call)
+        if not self._asleep:
+            return  # `run` looks for calls once more after it has set the flag
         # A full pipe of wake-ups wakes just as well; a closed one belongs to a reactor that has ended.
         with contextlib.suppress(BlockingIOError, OSError):
             self._waker.send(b"\0")
@@ -100,7 +105,10 @@ class Reactor:
     def run(self) -> None:
         """Serve until `stop`; all that is called must let no exception escape."""
         while not self._stopped:
-            for key, mask in self._selector.select(self._pause()):
+            self._asleep = True
+            ready = self._selector.select(self._pause())
+            self._asleep = False
+            for key, mask in ready:
                 key.data(mask)
             while self._posted:
                 self._posted.popleft()()
@@ -108,6 +116,7 @@ class Reactor:
             while self._heap and self._heap[0][0] <= now:
                 queued, _, deadline = heapq.heappop(self._heap)
                 deadline._come_up(queued, now)
+            self.after_round()
 
     def stop(self) -> None:
         self._stopped = True
@@ -135,3 +144,7 @@ class Reactor:
         with contextlib.suppress(BlockingIOError):
             while self._woken.recv(4096):
                 pass
+
+
+def _nothing() -> None:
+    pass

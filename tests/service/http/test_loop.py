@@ -234,7 +234,7 @@ def test_a_full_queue_is_refused_at_once_and_recovers(serve: Serve) -> None:
         working.send(get("/wait"))
         assert running.toy.waiting.acquire(timeout=PATIENCE)
         queued.send(post("/echo", b"queued"))
-        until(lambda: running.loop._in_flight == 2)
+        until(lambda: running.loop.in_flight == 2)
         third.send(post("/echo", b"x" * 1000))
         reply = third.reply()
         assert (reply.status, reply.headers["retry-after"]) == (503, "1")
@@ -254,7 +254,7 @@ def test_a_request_that_waited_too_long_is_not_begun(serve: Serve) -> None:
         working.send(get("/wait"))
         assert running.toy.waiting.acquire(timeout=PATIENCE)
         queued.send(get("/never"))
-        until(lambda: running.loop._in_flight == 2)
+        until(lambda: running.loop.in_flight == 2)
         time.sleep(0.2)
         running.toy.gate.set()
         reply = queued.reply()
@@ -389,12 +389,12 @@ def test_a_client_that_leaves_frees_its_place(serve: Serve) -> None:
         _reset(client)
     with running.connect() as queued:
         queued.send(get("/gone"))
-        until(lambda: running.loop._in_flight == 2)
+        until(lambda: running.loop.in_flight == 2)
         _reset(queued)
     until(lambda: all(each._gone for each in list(running.loop._connections)))
     running.toy.gate.set()
     until(lambda: running.loop.connections == 0)
-    assert running.loop._in_flight == 0
+    assert running.loop.in_flight == 0
     assert [head.path for head in running.toy.heads] == ["/wait"], "nobody waits for the second one any more"
     assert running.ask(get()).status == 200
 

@@ -147,7 +147,9 @@ def test_json_never_holds_nan() -> None:
 
 def test_log_lines_cannot_be_forged() -> None:
     stream = io.StringIO()
-    AccessLog(stream).answered({"path": '/a\n{"event":"forged"}\x1b[2J', "error": float("nan"), "odd": {1, 2} - {2}})
+    log = AccessLog(stream)
+    log.answered({"path": '/a\n{"event":"forged"}\x1b[2J', "error": float("nan"), "odd": {1, 2} - {2}})
+    log.flush()
     (line,) = stream.getvalue().splitlines()
     written = json.loads(line)
     assert written["path"] == '/a\n{"event":"forged"}\x1b[2J'
