@@ -52,6 +52,7 @@ def limits_of(settings: Settings) -> dict[str, Any]:
         "image_pixels": settings.max_pixels,
         "image_side": settings.max_side,
         "image_channels": settings.max_channels,
+        "image_bytes": settings.max_decoded,
         "images": settings.max_images,
         "request_seconds": settings.request_timeout,
         "waiting_requests": settings.queue,

@@ -50,6 +50,7 @@ class Settings:
     max_pixels: int = _setting(100_000_000, "most pixels of one image", 1, None)
     max_side: int = _setting(65536, "longest side of an image in pixels", 1, None)
     max_channels: int = _setting(64, "most channels of an image", 1, None)
+    max_decoded: int = _setting(1 << 31, "most bytes of one image once decoded", 1, None)
     max_images: int = _setting(16, "most images in one request", 1, 1024)
 
     def environment(self) -> dict[str, str]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from lichen import catalogue, engine
@@ -40,39 +41,44 @@ class Running:
             pixels=settings.max_pixels,
             side=settings.max_side,
             channels=settings.max_channels,
-            bytes=settings.max_body,
+            bytes=settings.max_decoded,
         )
+        # Hashing releases the interpreter, so the digests of large inputs are found while their pixels are computed.
+        self._hashing = ThreadPoolExecutor(settings.threads, thread_name_prefix="hash")
 
     def run(self, request: Request, name: str) -> Response:
         """One run of the operation `name`."""
         stages = Stages(request.head, self._settings.request_timeout)
         operation = catalogue.operation(name)
         query, given = self._read(operation, request)
+        digests = self._hashing.submit(_digests, given)
         with stages.stage("decode"):
             images = self._decode(given)
         with relocated():
-            return self._answer(request, operation, query, given, images, stages)
+            facts = _expected(operation, query, images)
+            delivery = agree(
+                query.options, request.head.headers.get("accept"), facts, _origin(operation, given, images)
+            )
+            return self._answer(request, operation, query, images, delivery, digests, stages)
 
     def _answer(
         self,
         request: Request,
         operation: Operation[Any],
         query: Query,
-        given: Uploads,
         images: Mapping[str, Image],
+        delivery: Delivery,
+        digests: Future[dict[str, str]],
         stages: Stages,
     ) -> Response:
         head, options = request.head, query.options
-        parameters = {key: value for key, value in query.values.items() if key in operation.parameters.model_fields}
-        facts = operation.result(operation.validate(parameters), {key: Facts.of(each) for key, each in images.items()})
-        delivery = agree(options, head.headers.get("accept"), facts, _origin(operation, given, images))
         first, arguments = _arguments(operation, query, images, delivery)
         if options.explain or "if-none-match" in head.headers:
             with stages.stage("plan"):
                 plan = engine.explain(operation.name, first, **arguments)
             if options.explain:
                 return _plan_document(plan.to_json(), delivery, stages)
-            tag = _entity_tag(given, plan.digest, delivery)
+            tag = _entity_tag(digests.result(), plan.digest, delivery)
             if matches(head, tag):
                 return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
         with stages.stage("run"):
@@ -84,7 +90,7 @@ class Running:
             headers = {
                 "Content-Type": encoded.media_type,
                 "Content-Digest": content_digest(encoded.data),
-                "ETag": _entity_tag(given, result.plan.digest, delivery),
+                "ETag": _entity_tag(digests.result(), result.plan.digest, delivery),
                 "Cache-Control": "no-cache",
                 "Vary": "Accept",
                 **report(result, encoded, delivery.storage),
@@ -148,6 +154,13 @@ def _origin(operation: Operation[Any], given: Uploads, images: Mapping[str, Imag
     return Origin(probe(given[name].data).format, image.storage, image.space, image.alpha)
 
 
+def _expected(operation: Operation[Any], query: Query, images: Mapping[str, Image]) -> Facts:
+    """Size, channels, space and alpha of the result. No pixel is looked at, so its extent means nothing."""
+    parameters = {key: value for key, value in query.values.items() if key in operation.parameters.model_fields}
+    facts = {key: Facts(each.height, each.width, each.channels, each.space, each.alpha) for key, each in images.items()}
+    return operation.result(operation.validate(parameters), facts)
+
+
 def _arguments(
     operation: Operation[Any], query: Query, images: Mapping[str, Image], delivery: Delivery
 ) -> tuple[Image | None, dict[str, Any]]:
@@ -175,9 +188,12 @@ def _plan_document(plan: Mapping[str, Any], delivery: Delivery, stages: Stages) 
     return response
 
 
-def _entity_tag(given: Uploads, plan: str, delivery: Delivery) -> str:
+def _digests(given: Uploads) -> dict[str, str]:
+    return {name: hashlib.sha256(upload.data).hexdigest() for name, upload in given.items()}
+
+
+def _entity_tag(digests: Mapping[str, str], plan: str, delivery: Delivery) -> str:
     """Stands for all that decides the bytes of an answer: inputs, plan, engine, libraries, device and format."""
-    digests = {name: hashlib.sha256(upload.data).hexdigest() for name, upload in given.items()}
     said = [digests, plan, delivery.format.name, delivery.storage, delivery.space, delivery.alpha, versions()]
     return f'"{hashlib.sha256(canonical(said)).hexdigest()[:32]}"'
 

@@ -1,0 +1,141 @@
+"""The whole service as a process: it starts from the command line, answers over a socket, and ends when told to."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from lichen.files import decode
+
+from .conftest import form
+
+BLUR = "/v1/operations/gaussian"
+
+
+@contextmanager
+def served(**environment: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
+    """A server on a free port, ready to be asked; ended when left."""
+    command = [sys.executable, "-m", "lichen_service", "--port", "0", "--workers", "1", "--threads", "2"]
+    process = subprocess.Popen(
+        [*command, "--max-body", "1000000"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=os.environ | environment,
+    )
+    try:
+        assert process.stdout is not None
+        announced = re.search(r"http://127\.0\.0\.1:(\d+)", process.stdout.readline())
+        assert announced
+        port = int(announced[1])
+        wait_until_ready(port)
+        yield process, port
+    finally:
+        process.terminate()
+        process.wait(30)
+        process.stdout.close()
+
+
+def wait_until_ready(port: int) -> None:
+    for _ in range(600):
+        if ask(port, "GET", "/readyz")[0] == 200:
+            return
+        time.sleep(0.1)
+    raise AssertionError("the service did not become ready")
+
+
+def ask(
+    port: int, method: str, target: str, body: bytes = b"", headers: dict[str, str] | None = None
+) -> tuple[int, dict[str, str], bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
+    try:
+        connection.request(method, target, body or None, headers or {})
+        response = connection.getresponse()
+        return response.status, {name.lower(): value for name, value in response.getheaders()}, response.read()
+    finally:
+        connection.close()
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    with served() as (_, port):
+        yield port
+
+
+def test_pixels_go_in_and_come_out(port: int, png: bytes) -> None:
+    for method in ("POST", "QUERY"):
+        status, headers, body = ask(port, method, f"{BLUR}?sigma=2", png, {"Content-Type": "image/png"})
+        assert status == 200
+        assert headers["content-type"] == "image/png"
+        assert {"server-timing", "lichen-method", "lichen-error", "etag", "content-digest", "x-request-id"} <= set(
+            headers
+        )
+        assert decode(body).pixels.shape == decode(png).pixels.shape
+
+
+def test_the_server_computes_what_the_routes_compute(port: int, png: bytes) -> None:
+    target = f"{BLUR}?sigma=2&method=fir&device=numpy&format=npy&storage=float32"
+    first, second = (ask(port, "POST", target, png)[2] for _ in range(2))
+    assert first == second
+
+
+def test_a_known_tag_is_answered_without_a_body(port: int, png: bytes) -> None:
+    tag = ask(port, "POST", f"{BLUR}?sigma=3", png)[1]["etag"]
+    status, headers, body = ask(port, "POST", f"{BLUR}?sigma=3", png, {"If-None-Match": tag})
+    assert (status, headers["etag"], body) == (304, tag, b"")
+
+
+def test_a_form_crosses_the_wire(port: int, png: bytes) -> None:
+    body, headers = form({"image": (png, "image/png")})
+    assert ask(port, "POST", f"{BLUR}?sigma=1", body, headers)[0] == 200
+
+
+def test_head_and_options_have_no_body(port: int) -> None:
+    status, headers, body = ask(port, "HEAD", "/v1/operations")
+    assert (status, body) == (200, b"")
+    assert int(headers["content-length"]) == len(ask(port, "GET", "/v1/operations")[2])
+    status, headers, body = ask(port, "OPTIONS", BLUR)
+    assert (status, headers["allow"], body) == (204, "GET, HEAD, OPTIONS, POST, QUERY", b"")
+
+
+def test_refusals_leave_the_server_answering(port: int, png: bytes) -> None:
+    refused = [
+        (ask(port, "POST", f"{BLUR}?sigma=-1&nonsense=1", png), 422),
+        (ask(port, "POST", f"{BLUR}?sigma=1", png[:50]), 422),
+        (ask(port, "POST", f"{BLUR}?sigma=1", bytes(1_000_001)), 413),
+        (ask(port, "POST", f"{BLUR}?sigma=1", b"{}", {"Content-Type": "application/json"}), 415),
+        (ask(port, "POST", f"{BLUR}?sigma=1", png, {"Accept": "text/html"}), 406),
+        (ask(port, "PUT", BLUR, png), 405),
+        (ask(port, "GET", "/nowhere"), 404),
+    ]
+    for (status, headers, body), expected in refused:
+        assert status == expected
+        assert headers["content-type"] == "application/problem+json"
+        assert json.loads(body)["request_id"] == headers["x-request-id"]
+        assert headers["x-problem-code"] == json.loads(body)["code"]
+    assert ask(port, "POST", f"{BLUR}?sigma=1", png)[0] == 200
+
+
+def test_numpy_serves_alone_and_the_process_ends_in_order(png: bytes) -> None:
+    with served(LICHEN_DEVICE="numpy") as (process, port):
+        status, headers, body = ask(port, "POST", f"{BLUR}?sigma=2&format=npy&storage=float32", png)
+        assert (status, headers["lichen-device"]) == (200, "numpy")
+        assert np.isfinite(decode(body).pixels).all()
+        version = json.loads(ask(port, "GET", "/v1/version")[2])
+        assert version["opencl"]["available"] is False
+        assert version["opencl"]["reason"]
+        refused = ask(port, "POST", f"{BLUR}?sigma=2&device=opencl", png)
+        assert (refused[0], refused[1]["x-problem-code"]) == (503, "device-failure")
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == 0
