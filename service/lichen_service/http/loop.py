@@ -31,7 +31,7 @@ _ACCEPTS_AT_ONCE = 8
 class Loop:
     """Serves `application` on a listening socket, which it closes in the end.
 
-    `in_flight` requests are queued or computed now; `held` and `memory` are the bytes of request bodies now and at most.
+    `in_flight` requests are queued or computed now; `held` and `memory` are bytes of request bodies, now and at most.
     """
 
     def __init__(
