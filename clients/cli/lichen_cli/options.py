@@ -8,11 +8,13 @@ every flaw at once and in the same words. Unknown options are therefore not refu
 from __future__ import annotations
 
 import argparse
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from lichen.files import FORMATS
 from lichen.operation import Operation
 from lichen_cli.main import Parser, Usage
 from lichen_service.descriptions import inlined, options_schema
@@ -78,8 +80,8 @@ def build(operation: Operation[Any]) -> Parser:
         group.add_argument(_flag(knob.name), dest=knob.name, metavar="X", help=_percent(f"{knob.description}; {span}"))
     group = parser.add_argument_group("how to compute and to store")
     for name, field in options_schema()["properties"].items():
-        choices = {"enum": list(operation.methods)} if name == "method" else {}
-        _add(group, name, {**field, **choices}, False)
+        known = {"method": operation.methods, "format": FORMATS}.get(name)
+        _add(group, name, {**field, "enum": list(known)} if known else field, False)
     group.add_argument("--json", action="store_true", default=False, help="print the report as JSON")
     return parser
 
@@ -103,7 +105,7 @@ def range_of(field: Mapping[str, Any]) -> str:
     bounds: dict[str, float] = {}
     for each in (field, *field.get("anyOf", ())):
         bounds |= {key: each[key] for key in _BOUNDS if key in each}
-    return ", ".join(f"{words} {bounds[key]:g}" for key, words in _BOUNDS.items() if key in bounds)
+    return ", ".join(f"{words} {bounds[key]:.15g}" for key, words in _BOUNDS.items() if key in bounds)
 
 
 _BOUNDS = {"minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most", "exclusiveMaximum": "below"}
@@ -113,7 +115,7 @@ def _add(group: Any, name: str, field: Mapping[str, Any], required: bool) -> Non
     """One option for a field of a JSON schema."""
     facts = [range_of(field), field.get("unit", "")]
     default = field.get("default")
-    facts.append("required" if required else "" if default is None else f"default {default}")
+    facts.append("required" if required else "" if default is None else f"default {json.dumps(default)}")
     help = "; ".join([field.get("description", ""), *filter(None, facts)]).removeprefix("; ")
     if field.get("type") == "boolean":
         group.add_argument(_flag(name), dest=name, action=argparse.BooleanOptionalAction, help=_percent(help))
