@@ -6,8 +6,8 @@ Every curve, in both directions, is one odd function with a shift:
 
 where the toe is linear, a root or a square and the body is a power, the PQ quotient, an exponential or a logarithm. A
 `Form` holds the numbers of one such function; its methods evaluate it in float64 for tables, ranges and bounds. The
-definitions as the standards print them are the truth in `transfer.py`; the forms equal them as real functions and differ in
-how they round. The rules behind the rewriting:
+definitions as the standards print them are the truth in `transfer.py`; the forms equal them as real functions and
+differ in how they round. The rules behind the rewriting:
 
 * PQ. Since c1 = c3 - c2 + 1, both differences in the quotient start from the same q = 1 - c1 = c2 - c3 = 21/128. With
   w = expm1(ln N / m2) the light is ((q + w) / (q - c3 w))^(1/m1): nothing cancels at the bright end. Encoding takes
@@ -29,6 +29,7 @@ from enum import StrEnum
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from lichen.memory import Array
 
@@ -47,7 +48,7 @@ class Curve(StrEnum):
     PQ = "pq"
     """SMPTE ST 2084, ITU-R BT.2100"""
     HLG = "hlg"
-    """the camera curve of hybrid log-gamma, ITU-R BT.2100, and its inverse; the display's system gamma is not part of it"""
+    """the camera curve of hybrid log-gamma, ITU-R BT.2100, and its inverse, without the display's system gamma"""
 
 
 class Direction(StrEnum):
@@ -116,15 +117,15 @@ class Form:
     top: float = 1.0
     """the largest `a` of a nominal picture, a power of two"""
 
-    def magnitude(self, a: Array) -> Array:
-        """y for a >= 0, float64."""
-        a = np.asarray(a, dtype=np.float64)
+    def magnitude(self, distance: npt.ArrayLike) -> Array:
+        """y for distances a >= 0, float64."""
+        a = np.asarray(distance, dtype=np.float64)
         with np.errstate(all="ignore"):
             return np.where(a < self.knee, self._toe(a), np.maximum(self.upper(a), self.floor))
 
     def value(self, x: float) -> float:
         """The result for a scalar, negative values mirrored."""
-        size = float(self.magnitude(np.float64(abs(x + self.shift))))
+        size = float(self.magnitude(abs(x + self.shift)))
         return math.copysign(size, x + self.shift if x + self.shift else 1.0) + self.offset
 
     def _toe(self, a: Array) -> Array:
@@ -132,8 +133,9 @@ class Form:
             return self.toe_scale * a
         return self.toe_scale * (np.sqrt(a) if self.toe == "root" else a * a)
 
-    def upper(self, a: Array) -> Array:
+    def upper(self, distance: npt.ArrayLike) -> Array:
         """The body alone, also below the knee where it is defined."""
+        a: Array = np.asarray(distance, dtype=np.float64)
         with np.errstate(all="ignore"):
             if self.body == "power":
                 return self.outer * np.maximum(self.inner * a + self.lift, 0) ** self.exponent + self.drop
@@ -148,9 +150,9 @@ class Form:
             w = np.expm1(np.log(np.minimum(a, pq_ceiling_signal())) / PQ_M2)
             return self.outer * (np.maximum(PQ_Q + w, 0) / (PQ_Q - PQ_C3 * w)) ** (1 / PQ_M1)
 
-    def slope(self, a: Array) -> Array:
+    def slope(self, distance: npt.ArrayLike) -> Array:
         """The derivative of the body at a >= 0; infinite where the curve is vertical."""
-        a = np.asarray(a, dtype=np.float64)
+        a: Array = np.asarray(distance, dtype=np.float64)
         with np.errstate(all="ignore"):
             if self.body == "power":
                 base = np.maximum(self.inner * a + self.lift, 0)
@@ -168,8 +170,13 @@ class Form:
             return np.where(w > -PQ_Q, self.upper(a) * bend / a, 0.0)
 
     def steepness(self, a: float) -> float:
-        """How much larger the relative change of y is than that of `a`, at a >= knee; at least 1."""
-        y, rise = float(self.upper(np.float64(a))), float(self.slope(np.float64(a)))
+        """How much larger the relative rounding of y is than that of what it is computed from, at a >= knee.
+
+        It is the condition number, at least 1; for encoding PQ, which ends in an exponential, the exponent.
+        """
+        y, rise = float(self.upper(a)), float(self.slope(a))
+        if self.body == "pq_encode":
+            return 1 + abs(math.log(y)) if y > 0 else 1.0
         return max(1.0, a * rise / y) if 0 < y < math.inf and math.isfinite(rise) else 1.0
 
     def modulus(self, low: float, high: float, change: float) -> float:
@@ -180,11 +187,11 @@ class Form:
         jump = self.jump if near <= self.knee <= far else 0.0
         if self.convex:
             toe = self.toe_scale * (1.0 if self.toe == "linear" else 2 * min(far, self.knee))
-            return change * max(toe, float(self.slope(np.float64(far))) if far >= self.knee else 0.0) + jump
+            return change * max(toe, float(self.slope(far)) if far >= self.knee else 0.0) + jump
         if near > 0:
-            return float(self.magnitude(np.float64(near + change)) - self.magnitude(np.float64(near))) + jump
+            return float(self.magnitude(near + change) - self.magnitude(near)) + jump
         # Concave on both sides of zero, so the steepest stretch lies symmetrically around it.
-        return 2 * float(self.magnitude(np.float64(change / 2)) - self.magnitude(np.float64(0))) + jump
+        return 2 * float(self.magnitude(change / 2) - self.magnitude(0)) + jump
 
 
 def form(curve: Curve, direction: Direction, *, gamma: float, white: float, black: float) -> Form:
@@ -212,9 +219,7 @@ def form(curve: Curve, direction: Direction, *, gamma: float, white: float, blac
 
 def _srgb_decode() -> Form:
     knee = math.nextafter(0.04045, 1)
-    return Form(
-        "power", toe_scale=1 / 12.92, knee=knee, inner=1 / 1.055, lift=0.055 / 1.055, exponent=2.4, jump=2.4e-9
-    )
+    return Form("power", toe_scale=1 / 12.92, knee=knee, inner=1 / 1.055, lift=0.055 / 1.055, exponent=2.4, jump=2.4e-9)
 
 
 def _srgb_encode() -> Form:
@@ -232,9 +237,7 @@ def _bt709_decode() -> Form:
 
 
 def _bt709_encode() -> Form:
-    return Form(
-        "power", toe_scale=4.5, knee=0.018, exponent=0.45, outer=1.099, drop=-0.099, convex=False, jump=2.5e-4
-    )
+    return Form("power", toe_scale=4.5, knee=0.018, exponent=0.45, outer=1.099, drop=-0.099, convex=False, jump=2.5e-4)
 
 
 def _bt1886(decode: bool, white: float, black: float) -> Form:

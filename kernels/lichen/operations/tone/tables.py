@@ -1,14 +1,15 @@
 """Tables of a transfer curve, and how far linear interpolation in them can be off.
 
-Theory. The nodes are floating-point numbers whose trailing bits are zero: every binade (2^e to 2^(e+1)) is divided into the
-same power of two of equal cells, so a sample's cell is the leading bits of the sample itself and its place in the cell
-the remaining ones. Cells shrink with the sample, as the curves' bends grow towards zero; a vertical start, as a pure power below
-1 has, costs a few more binades and not accuracy everywhere. The toe is no part of the table but computed.
+Theory. The nodes are floating-point numbers whose trailing bits are zero: every binade (2^e to 2^(e+1)) is divided into
+the same power of two of equal cells, so a sample's cell is the leading bits of the sample itself and its place in the
+cell the remaining ones. Cells shrink with the sample, as the curves' bends grow towards zero; a vertical start, as a
+pure power below 1 has, costs a few more binades and not accuracy everywhere. The toe is no part of the table but
+computed.
 
 The bound. On a cell of width h the body is convex or concave, so curve and chord both lie in the triangle between the
 chord and the tangents at its ends. With p and q the differences between the chord's slope and the two tangents' its
-height is h p q / (p + q), which is h p where q is infinite. It needs no second derivative and holds at a vertical start. To it
-comes the rounding of the stored values and of the interpolation.
+height is h p q / (p + q), which is h p where q is infinite. It needs no second derivative and holds at a vertical
+start. To it comes the rounding of the stored values and of the interpolation.
 
 A table depends on parameters and size alone, never on a picture, so tiles of one picture agree bit for bit.
 """
@@ -34,7 +35,7 @@ BINADES = 100
 class Table:
     """`nodes` has shape (cells + 2, 2), float32: value and rise to the next node.
 
-    Row 0 is the line from zero to the first node, its rise being per unit; rows 1 to cells are the cells; the last is `top`.
+    Row 0 is the line from zero to the first node, its rise being per unit; then the cells; the last row is `top`.
     """
 
     nodes: Array
@@ -45,7 +46,11 @@ class Table:
     shift: int
     """the bits of a sample below its cell's number"""
     bound: float
-    """largest distance to the curve for a <= top, in units of the curve's body"""
+    """largest distance of the chords to the curve's body for a <= top"""
+    rounding: float
+    """what rounding value, rise and the step between them adds to it"""
+    columns: tuple[Array, Array]
+    """the values and the rises of the cells, apart"""
 
 
 def _heights(form: Form, left: Array, right: Array) -> Array:
@@ -60,7 +65,8 @@ def _heights(form: Form, left: Array, right: Array) -> Array:
 def _points(form: Form, binades: int, bits: int) -> Array:
     """The nodes, ascending, float64 and exact in float32."""
     steps = np.arange((binades << bits) + 1)
-    return np.ldexp(form.top * (1 + (steps & ((1 << bits) - 1)) / (1 << bits)), (steps >> bits) - binades)
+    points: Array = np.ldexp(form.top * (1 + (steps & ((1 << bits) - 1)) / (1 << bits)), (steps >> bits) - binades)
+    return points
 
 
 def _probed(form: Form, binades: int, bits: int) -> float:
@@ -91,7 +97,7 @@ def tabulate(form: Form, size: int) -> Table:
     points = _points(form, binades, bits)
     values = form.upper(points)
     heights = _heights(form, points[:-1], points[1:])
-    origin = float(form.magnitude(np.float64(0)))
+    origin = float(form.magnitude(0))
     bound = float(heights.max())
     if form.knee <= 0:
         bound = max(bound, float(_heights(form, np.zeros(1), points[:1]).max()))
@@ -99,8 +105,9 @@ def tabulate(form: Form, size: int) -> Table:
     nodes[0] = origin, (values[0] - origin) / points[0]
     nodes[1:, 0] = values
     nodes[1:-1, 1] = np.diff(values)
-    # Value, rise and the step between them are rounded once each.
-    bound += 4 * ROUNDING * float(np.abs(values).max())
+    rounding = 4 * ROUNDING * float(np.abs(values).max())
     first, last = points[[0, -1]].astype(np.float32).view(np.int32)
+    nodes = aligned(nodes)
     nodes.flags.writeable = False
-    return Table(aligned(nodes), int(first), int(last), MANTISSA - bits, bound)
+    columns = np.ascontiguousarray(nodes[1:, 0]), np.ascontiguousarray(nodes[1:, 1])
+    return Table(nodes, int(first), int(last), MANTISSA - bits, bound, rounding, columns)

@@ -2,12 +2,15 @@
 // written so.
 //
 // Definitions given at build time:
-//   BODY      power | pq_decode | pq_encode | exponential | logarithm   the curve above its knee
-//   TOE       linear | root | square                                    the curve below it
+//   BODY      toed_power | power | pq_decode | pq_encode | exponential | logarithm   the curve above its knee
+//   TOE       linear | root | square                                                 the curve below it
+//   CLAMPED   0 where negative values are mirrored, 1 where they are no light
 //   COVERAGE  0, or the number of channels, of which the last is coverage and passes as it is
 //
 // The numbers of a form arrive in `k`, in this order (`constants` in transfer.py):
-enum { SHIFT, OFFSET, CLAMPED, TOE_SCALE, KNEE, FLOOR, INNER, LIFT, POWER_HIGH, POWER_LOW, OUTER, DROP, CEILING };
+enum { SHIFT, OFFSET, TOE_SCALE, KNEE, FLOOR, INNER, LIFT, POWER_HIGH, POWER_LOW, OUTER, DROP, CEILING };
+
+#include "numeric.clh"
 
 #define WIDTH 16
 #define PQ_Q 0.1640625f
@@ -16,74 +19,84 @@ enum { SHIFT, OFFSET, CLAMPED, TOE_SCALE, KNEE, FLOOR, INNER, LIFT, POWER_HIGH, 
 
 // ------------------------------------------------------------------------------------------------ powers
 
-// log2 of m where x = m 2^e, m in [sqrt(1/2), sqrt(2)); x positive and finite, denormals are scaled up first.
-// With s = (m - 1) / (m + 1) it is s P(s^2); P misses by 3e-9 (Lawson fit).
-inline float16 log2_of_mantissa(float16 x, float16 *exponent)
+// log2 m for m in [sqrt(1/2), sqrt(2)), relative error 2^-25.1 (reweighted least squares, rounded from the lowest
+// order up). Relative also next to m = 1, on which the PQ quotient depends.
+inline float16 log2_of_fraction(float16 m)
 {
-    int16 small = x < 0x1p-126f;
-    int16 bits = as_int16(select(x, x * 0x1p24f, small));
+    float16 f = m - 1.0f;
+    float16 q = fma(f, (float16)(0x1.01ba3cp-3f), (float16)(-0x1.a78034p-3f));
+    q = fma(f, q, (float16)(0x1.b94dfap-3f));
+    q = fma(f, q, (float16)(-0x1.e9809ep-3f));
+    q = fma(f, q, (float16)(0x1.26dd48p-2f));
+    q = fma(f, q, (float16)(-0x1.715b7ep-2f));
+    q = fma(f, q, (float16)(0x1.ec7366p-2f));
+    q = fma(f, q, (float16)(-0x1.715472p-1f));
+    q = fma(f, q, (float16)(0x1.715476p+0f));
+    return f * q;
+}
+
+// 2^(whole + part), whole an integer in [-126, 129], |part| at most a half and a little. Half the power is in the
+// polynomial's last factor, so that results up to the largest float are reached; below 2^-126 they are 0.
+inline float16 exp2_of_sum(int16 whole, float16 part)
+{
+    return (num_exp2_core(part) * 2.0f) * as_float16((whole + 126) << 23);
+}
+
+// x^(high + low) for normal x > 0 and a positive exponent; infinity and NaN stay. The exponent's product with the integer
+// part of log2 x is taken apart by fused steps, so the relative error does not grow with |log x|, and an exponent such
+// as 1/2.4 keeps what float32 drops of it.
+inline float16 raised_normal(float16 x, float high, float low)
+{
+    int16 bits = as_int16(x);
     int16 e = (bits - 0x3f3504f3) >> 23;
-    *exponent = convert_float16(e) - select((float16)(0.0f), (float16)(24.0f), small);
-    float16 f = as_float16(bits - (e << 23)) - 1.0f;
-    float16 s = f / (f + 2.0f);
-    float16 z = s * s;
-    float16 p = fma(z, (float16)(0.42675658f), (float16)(0.57691592f));
-    p = fma(z, p, (float16)(0.96179696f));
-    return fma(s * z, p, s * 2.88539008f);
+    float16 l = log2_of_fraction(as_float16(bits - (e << 23)));
+    float16 integer = convert_float16(e);
+    int16 n;
+    float16 whole = num_nearest(clamp(fma(integer, (float16)(high), l * high), -126.0f, 129.0f), &n);
+    float16 part = fma(l, (float16)(high), fma(integer, (float16)(low), fma(integer, (float16)(high), -whole)));
+    return select(x, exp2_of_sum(n, part), x < INFINITY);
 }
 
-// 2^(whole + part), whole an integer and part a few units; infinity above, gradual underflow below. Fit: 2e-9.
-inline float16 exp2_of_sum(float16 whole, float16 part)
-{
-    float16 r = rint(part);
-    float16 f = part - r;
-    float16 p = fma(f, (float16)(1.53458119e-4f), (float16)(1.33999312e-3f));
-    p = fma(f, p, (float16)(9.61848896e-3f));
-    p = fma(f, p, (float16)(5.55032878e-2f));
-    p = fma(f, p, (float16)(0.240226469f));
-    p = fma(f, p, (float16)(0.693147206f));
-    p = fma(f, p, (float16)(1.0f));
-    int16 e = convert_int16(clamp(whole + r, -252.0f, 252.0f));
-    int16 lower = e >> 1;
-    return p * as_float16((lower + 127) << 23) * as_float16((e - lower + 127) << 23);
-}
-
-// x^(high + low) for x >= 0 and a positive exponent. The exponent's product with the integer part of log2 x is split
-// exactly, so the relative error does not grow with |log x|.
+// The same for any x >= 0: zero and denormals too.
 inline float16 raised(float16 x, float high, float low)
 {
     float16 e;
-    float16 l = log2_of_mantissa(x, &e);
-    float16 whole = rint(e * high);
-    float16 part = fma(e, (float16)(high), -whole) + fma(e, (float16)(low), l * high);
-    float16 y = select(exp2_of_sum(whole, part), (float16)(0.0f), x <= 0.0f);
-    return select(x, y, x < INFINITY);  // infinity and NaN stay
+    float16 l = log2_of_fraction(num_split(x, &e));
+    int16 n;
+    float16 whole = num_nearest(clamp(fma(e, (float16)(high), l * high), -126.0f, 129.0f), &n);
+    float16 part = fma(l, (float16)(high), fma(e, (float16)(low), fma(e, (float16)(high), -whole)));
+    float16 y = select(exp2_of_sum(n, part), (float16)(0.0f), x <= 0.0f);
+    return select(x, y, x < INFINITY);
 }
 
 // ------------------------------------------------------------------------------------------------ bodies
 
-inline float16 power(float16 a, global const float *k)
+// Beside a toe the base is a normal number wherever the body counts.
+inline float16 toed_power(float16 a, global const float *k)
 {
     float16 base = fma(a, (float16)(k[INNER]), (float16)(k[LIFT]));
-    return fma(raised(base, k[POWER_HIGH], k[POWER_LOW]), (float16)(k[OUTER]), (float16)(k[DROP]));
+    return fma(raised_normal(base, k[POWER_HIGH], k[POWER_LOW]), (float16)(k[OUTER]), (float16)(k[DROP]));
+}
+
+inline float16 power(float16 a, global const float *k)
+{
+    return raised(a * k[INNER], k[POWER_HIGH], k[POWER_LOW]) * k[OUTER];
 }
 
 inline float16 exponential(float16 a, global const float *k)
 {
     float16 t = a - 0.5f;
-    float16 whole = rint(t * k[POWER_HIGH]);
-    whole = clamp(whole, -1000.0f, 1000.0f);
-    float16 part = fma(t, (float16)(k[POWER_HIGH]), -whole) + t * k[POWER_LOW];
-    part = select(part, (float16)(0.0f), fabs(part) > 1.0f);  // beyond the clamp, where the result is infinite
-    float16 y = fma(exp2_of_sum(whole, part), (float16)(k[OUTER]), (float16)(k[DROP]));
-    return select(a, y, a < INFINITY);
+    int16 n;
+    float16 whole = num_nearest(clamp(t * k[POWER_HIGH], -126.0f, 129.0f), &n);
+    float16 part = fma(t, (float16)(k[POWER_LOW]), fma(t, (float16)(k[POWER_HIGH]), -whole));
+    float16 y = fma(exp2_of_sum(n, part), (float16)(k[OUTER]), (float16)(k[DROP]));
+    return select(a, select((float16)(INFINITY), y, whole < 129.0f), a < INFINITY);
 }
 
 inline float16 logarithm(float16 a, global const float *k)
 {
     float16 e;
-    float16 base = fma(a, (float16)(k[INNER]), (float16)(k[LIFT]));
-    float16 l = log2_of_mantissa(base, &e);
+    float16 l = log2_of_fraction(num_split(fma(a, (float16)(k[INNER]), (float16)(k[LIFT])), &e));
     float16 y = fma(l, (float16)(k[OUTER]), fma(e, (float16)(k[OUTER]), (float16)(k[DROP])));
     return select(a, y, a < INFINITY);
 }
@@ -93,7 +106,7 @@ inline float16 pq_decode(float16 a, global const float *k)
 {
     float16 n = select(a, (float16)(k[CEILING]), a > k[CEILING]);
     float16 e;
-    float16 l = log2_of_mantissa(n, &e);
+    float16 l = log2_of_fraction(num_split(n, &e));
     float16 v = (e + l) * 0.008791403f;  // ln 2 / m2
     v = select(v, (float16)(-0.2f), v < -0.2f);  // signal 1.4e-7, below black
     float16 p = fma(v, (float16)(1.0f / 5040.0f), (float16)(1.0f / 720.0f));
@@ -109,16 +122,19 @@ inline float16 pq_decode(float16 a, global const float *k)
     return select(y, a, isnan(a));
 }
 
-// Light to signal. p = Y^m1, log2 N = (2 m2 / ln 2) atanh(s); k[POWER_HIGH] is m1.
+// Light to signal. p = Y^m1, log2 N = (2 m2 / ln 2) atanh(s); k[POWER_HIGH] is m1 and k[INNER] the power of the factor
+// between light and Y, since the product itself could be lost among the denormals.
 inline float16 pq_encode(float16 a, global const float *k)
 {
-    float16 p = raised(a * k[INNER], k[POWER_HIGH], k[POWER_LOW]);
+    float16 p = raised(a, k[POWER_HIGH], k[POWER_LOW]) * k[INNER];
     float16 s = PQ_Q * (p - 1.0f) / fma(p, (float16)(2.0f * PQ_C3 + PQ_Q), (float16)(2.0f - PQ_Q));
     float16 z = s * s;  // at most 0.008
     float16 q = fma(z, (float16)(1.0f / 7.0f), (float16)(0.2f));
     q = fma(z, q, (float16)(1.0f / 3.0f));
     float16 exponent = fma(s * z, q, s) * 227.494974f;  // 2 m2 / ln 2
-    float16 y = exp2_of_sum((float16)(0.0f), exponent);
+    int16 n;
+    float16 whole = num_nearest(exponent, &n);
+    float16 y = exp2_of_sum(n, exponent - whole);
     y = select(y, (float16)(PQ_LIMIT), a == INFINITY);
     return select(y, a, isnan(a));
 }
@@ -153,27 +169,26 @@ inline float16 looked_up(float16 a, global const float *k, global const float2 *
     return any(outside) ? select(y, BODY(a, k), outside) : y;
 }
 
-// Everything around the curve: the shift, negative values, the toe and the coverage channel. `first_sample` counts from
-// the picture's start.
-inline float16 finished(float16 x, float16 a, float16 y, global const float *k, ulong first_sample)
+// The distance from the curve's zero; clamped pictures have none below it.
+inline float16 distance(float16 shifted)
+{
+    return CLAMPED ? select(shifted, (float16)(0.0f), shifted < 0.0f) : fabs(shifted);
+}
+
+// Everything around the curve: the gap's floor, the toe, the sign, the offset and the coverage channel. `at` is the first
+// sample's place in the picture.
+inline float16 finished(float16 x, float16 a, float16 y, global const float *k, ulong at)
 {
     y = select(y, (float16)(k[FLOOR]), y < k[FLOOR]);
     y = select(y, TOE(a) * k[TOE_SCALE], a < k[KNEE]);
-    int16 negative = x + k[SHIFT] < 0.0f;
-    y = select(y, -y, negative && (int16)(k[CLAMPED] == 0.0f)) + k[OFFSET];
+    if (!CLAMPED)
+        y = as_float16(as_int16(y) ^ (as_int16(x + k[SHIFT]) & (int)0x80000000));
+    y = y + k[OFFSET];
 #if COVERAGE
-    uint16 lane = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) + (uint)(first_sample % COVERAGE);
+    uint16 lane = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) + (uint)(at % COVERAGE);
     y = select(y, x, lane % COVERAGE == COVERAGE - 1);
 #endif
     return y;
-}
-
-// The distance from the curve's zero; clamped pictures have none below it.
-inline float16 distance_from_zero(float16 x, global const float *k)
-{
-    float16 a = x + k[SHIFT];
-    float16 below = k[CLAMPED] != 0.0f ? (float16)(0.0f) : -a;
-    return select(a, below, a < 0.0f);
 }
 
 inline float16 load(global const float *in, ulong at, ulong samples)
@@ -205,7 +220,7 @@ kernel void exact(global const float *restrict in, global float *restrict out, g
     if (at >= samples)
         return;
     float16 x = load(in, at, samples);
-    float16 a = distance_from_zero(x, k);
+    float16 a = distance(x + k[SHIFT]);
     store(finished(x, a, BODY(a, k), k, at), out, at, samples);
 }
 
@@ -218,6 +233,6 @@ kernel void table(global const float *restrict in, global float *restrict out, g
     if (at >= samples)
         return;
     float16 x = load(in, at, samples);
-    float16 a = distance_from_zero(x, k);
+    float16 a = distance(x + k[SHIFT]);
     store(finished(x, a, looked_up(a, k, nodes, first, last, shift), k, at), out, at, samples);
 }

@@ -10,10 +10,10 @@ Truth: the curve as its standard prints it, in float64, for every colour channel
 * pq: SMPTE ST 2084, the reference display, 10000 cd/m2 at signal 1, divided by `white`.
 * hlg: ITU-R BT.2100, the camera curve per channel, light 1 at signal 1. The display's system gamma is no part of it.
 
-Outside the standards' domains. Above 1 every curve is continued by its own formula. PQ has a pole at signal 1.992: decoding
-saturates at 1e10 cd/m2 (signal 1.840), and encoding tends to 1.992. Signals below PQ's black, 7.3e-7, decode to 0.
-Negative values are mirrored (f(-x) = -f(x); BT.1886 about its own zero, which lies below signal 0 where black is not 0) or
-clamped to no light. NaN stays; infinity follows the limit; light beyond the range of float32 becomes infinite.
+Outside the standards' domains. Above 1 every curve is continued by its own formula. PQ has a pole at signal 1.992:
+decoding saturates at 1e10 cd/m2 (signal 1.840), and encoding tends to 1.992. Signals below PQ's black, 7.3e-7, decode
+to 0. Negative values are mirrored (f(-x) = -f(x); BT.1886 about its own zero, which lies below signal 0 where black is
+not 0) or clamped to no light. NaN stays; infinity follows the limit; light beyond float32's range becomes infinite.
 
 Methods: `exact` evaluates the curve; `table` interpolates linearly in 256 to 65536 cells and evaluates what lies above
 the table's top.
@@ -22,7 +22,6 @@ the table's top.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from enum import StrEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any
@@ -111,7 +110,9 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     if p.black and p.curve is not Curve.BT1886:
         flaws.append(Flaw("/parameters/black", f"applies to curve=bt1886 only (curve={p.curve})"))
     elif p.black and p.black >= p.nominal_white / 2:
-        flaws.append(Flaw("/parameters/black", f"must be below half of white (got {p.black:g} and {p.nominal_white:g})"))
+        flaws.append(
+            Flaw("/parameters/black", f"must be below half of white (got {p.black:g} and {p.nominal_white:g})")
+        )
     return flaws
 
 
@@ -141,7 +142,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     low, high = (shape.value(x) for x in _bounds(p, image))
     slack = shape.jump + 8 * ROUNDING * (abs(low) + abs(high))
     low, high = low - slack, high + slack
-    if image.extent.nonfinite and math.isfinite(limit := float(shape.magnitude(np.float64(math.inf)))):
+    if image.extent.nonfinite and math.isfinite(limit := float(shape.magnitude(math.inf))):
         low, high = -limit, limit
     if image.extent.nonfinite and p.clamped:
         low = min(low, shape.offset)
@@ -168,6 +169,14 @@ def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
     return change if image.alpha is Alpha.NONE else max(change, error)
 
 
+def _inverse(p: Parameters) -> Parameters | None:
+    """The other direction, where no two values have the same result: not clamped, not decoding into a plateau."""
+    if p.clamped or (p.direction is Direction.DECODE and p.curve in (Curve.PQ, Curve.BT709)):
+        return None
+    other = Direction.ENCODE if p.direction is Direction.DECODE else Direction.DECODE
+    return p.model_copy(update={"direction": other})
+
+
 transfer = Operation(
     name="transfer",
     family="tone",
@@ -180,8 +189,15 @@ transfer = Operation(
     identity=_identity,
     result=_result,
     propagate=_propagate,
+    inverse=_inverse,
     wants_alpha=Alpha.STRAIGHT,
     check=_check,
+    examples=(
+        *({"curve": str(curve), "direction": str(way)} for curve in Curve for way in Direction),
+        *({"curve": "bt1886", "direction": str(way), "black": 0.05} for way in Direction),
+        {"curve": "gamma", "gamma": 0.8, "negative": "clamp"},
+        {"curve": "pq", "direction": "encode", "white": 100, "negative": "clamp"},
+    ),
     hard_cases=CASES,
 )
 
@@ -210,7 +226,7 @@ def _srgb(x: Array, p: Parameters, decode: bool) -> Array:
 
 
 def _gamma(x: Array, p: Parameters, decode: bool) -> Array:
-    return x ** (p.gamma if decode else 1 / p.gamma)
+    return np.power(x, p.gamma if decode else 1 / p.gamma)
 
 
 def _bt709(x: Array, p: Parameters, decode: bool) -> Array:
@@ -226,9 +242,10 @@ def _pq(x: Array, p: Parameters, decode: bool) -> Array:
         root = x ** (1 / m2)
         pole = c2 - c3 * root
         y = np.where(pole <= 0, np.inf, (np.maximum(root - c1, 0) / pole) ** (1 / m1))
-        return np.minimum(10000 * y, 1e10) / p.nominal_white
+        light: Array = np.minimum(10000 * y, 1e10) / p.nominal_white
+        return light
     power = (x * p.nominal_white / 10000) ** m1
-    return np.where(np.isinf(x), c2 / c3, (c1 + c2 * power) / (1 + c3 * power)) ** m2
+    return np.power(np.where(np.isinf(x), c2 / c3, (c1 + c2 * power) / (1 + c3 * power)), m2)
 
 
 def _hlg(x: Array, p: Parameters, decode: bool) -> Array:
@@ -252,16 +269,17 @@ def _bt1886(x: Array, p: Parameters) -> Array:
     base = x + b if decode else x * white / a
     if p.clamped:
         base = np.maximum(base, 0)
-    power = np.sign(base) * np.abs(base) ** (gamma if decode else 1 / gamma)
-    return power * a / white if decode else power - b
+    power = np.sign(base) * np.power(np.abs(base), gamma if decode else 1 / gamma)
+    result: Array = power * a / white if decode else power - b
+    return result
 
 
 # ---------------------------------------------------------------------------------------------------------- methods
 
 
-def constants(shape: Form, clamped: bool) -> Array:
+def constants(shape: Form) -> Array:
     """The numbers that transfer.cl reads, float32, in its order."""
-    power, outer = shape.exponent, shape.outer
+    power, inner, outer = shape.exponent, shape.inner, shape.outer
     if shape.body == "exponential":
         power /= math.log(2)
     elif shape.body == "logarithm":
@@ -269,11 +287,11 @@ def constants(shape: Form, clamped: bool) -> Array:
     elif shape.body == "pq_decode":
         power = 1 / curves.PQ_M1
     elif shape.body == "pq_encode":
-        power = curves.PQ_M1
+        power, inner = curves.PQ_M1, inner**curves.PQ_M1
     high = float(np.float32(power))
     numbers = (
-        *(shape.shift, shape.offset, float(clamped), shape.toe_scale, float(ceiling32(shape.knee)), shape.floor),
-        *(shape.inner, shape.lift, high, power - high, outer, shape.drop, curves.pq_ceiling_signal()),
+        *(shape.shift, shape.offset, shape.toe_scale, float(ceiling32(shape.knee)), shape.floor),
+        *(inner, shape.lift, high, power - high, outer, shape.drop, curves.pq_ceiling_signal()),
     )
     return aligned(np.array(numbers, dtype=np.float32))
 
@@ -283,13 +301,13 @@ def _launch(device: Device, image: Image, p: Parameters, kernel: str, *arguments
     source = aligned(image.pixels)
     out = aligned_empty(source.shape)
     coverage = image.channels if image.alpha is not Alpha.NONE else 0
-    defines = {"BODY": shape.body, "TOE": shape.toe, "COVERAGE": coverage}
+    body = "toed_power" if shape.body == "power" and shape.knee > 0 else shape.body
+    defines = {"BODY": body, "TOE": shape.toe, "CLAMPED": int(p.clamped), "COVERAGE": coverage}
     samples = source.size
     with device.session() as session:
-        numbers = constants(shape, p.clamped)
         session.launch(
             "tone/transfer.cl", kernel, (-(-samples // 16),),
-            source, session.write(out), numbers, *arguments, np.uint64(samples),
+            source, session.write(out), constants(shape), *arguments, np.uint64(samples),
             defines=defines,
         )  # fmt: skip
     return out
@@ -307,18 +325,23 @@ def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
     return float(facts["image"].samples)
 
 
-ROUNDINGS = {"power": 3.0, "exponential": 3.0, "logarithm": 3.0, "pq_decode": 3.0, "pq_encode": 3.0}
-"""How many roundings of the argument, amplified by the curve's steepness, the worst sample of a body shows."""
+ROUNDINGS = 3.0
+"""Roundings of the worst sample: of the result itself, and of the argument, which the curve's steepness amplifies."""
 
 
 def _exact_error(p: Parameters, facts: Facts) -> Error:
-    """Rounding x steepness x size of the result at the far end of the range, where the product is largest."""
+    """Rounding x steepness x size of the result at the far end of the range, where the product is largest.
+
+    NumPy also rounds a power's exponent, by half a rounding at most, which the logarithm of the base amplifies.
+    """
     shape = form(p)
     far = max(abs(x + shape.shift) for x in _bounds(p, facts))
-    size = min(float(shape.magnitude(np.float64(far))), FLOAT_MAX)
-    relative = ROUNDINGS[shape.body] * ROUNDING * (1 + shape.steepness(max(far, shape.knee)))
-    tiny = float(np.finfo(np.float32).tiny)
-    return Error(relative * max(size, abs(shape.drop)) + 2 * ROUNDING * abs(shape.offset) + tiny, "estimate")
+    size = min(float(shape.magnitude(far)), FLOAT_MAX)
+    roundings = ROUNDINGS * (1 + shape.steepness(max(far, shape.knee)))
+    if shape.body == "power" and far > 0:
+        roundings += 0.5 * abs(math.log(far))
+    value = roundings * ROUNDING * max(size, abs(shape.drop)) + 2 * ROUNDING * abs(shape.offset)
+    return Error(value, "estimate", rounding=value)
 
 
 @transfer.method(
@@ -344,12 +367,13 @@ def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     """The table's proved bound, unless the picture reaches beyond the table."""
     shape = form(p)
     table = tabulate(shape, round(knob))
-    bound = table.bound + 2 * ROUNDING * abs(shape.offset)
+    rounding = table.rounding + 2 * ROUNDING * abs(shape.offset)
+    bound = table.bound + rounding
     far = max(abs(x + shape.shift) for x in _bounds(p, facts["image"]))
     if far <= shape.top and not facts["image"].extent.nonfinite:
-        return Error(bound, "bound")
+        return Error(bound, "bound", rounding)
     beyond = _exact_error(p, facts["image"])
-    return Error(max(bound, beyond.value), beyond.kind)
+    return Error(max(bound, beyond.value), beyond.kind, max(rounding, beyond.rounding))
 
 
 @transfer.method(
@@ -360,7 +384,8 @@ def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     knob=Knob("size", (256, 1024, 4096, 16384, 65536), "cells of the table at most", 256, 65536),
 )
 class Interpolated:
-    """Linear interpolation in a table whose cells shrink with the sample; proved up to the table's top, computed above it."""
+    """Linear interpolation in a table whose cells shrink with the sample; proved up to the table's top, computed
+    above it."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
