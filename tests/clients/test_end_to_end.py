@@ -29,9 +29,9 @@ START = 60.0
 
 @pytest.fixture(scope="module")
 def url() -> Iterator[str]:
-    """Address of a service that computes with NumPy."""
+    """Address of a service that `lichen serve` started and that computes with NumPy; told to end, it ends with 0."""
     environment = {**os.environ, "LICHEN_DEVICE": "numpy"}
-    arguments = [sys.executable, "-m", "lichen_service", "--port", "0", "--workers", "1"]
+    arguments = [sys.executable, "-m", "lichen_cli", "serve", "--port", "0", "--workers", "1"]
     service = subprocess.Popen(
         arguments, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
     )
@@ -55,7 +55,7 @@ def url() -> Iterator[str]:
     finally:
         service.send_signal(signal.SIGTERM)
         try:
-            service.wait(START)
+            assert service.wait(START) == 0
         except subprocess.TimeoutExpired:
             os.killpg(service.pid, signal.SIGKILL)
             service.wait()
