@@ -19,6 +19,7 @@ from lichen.errors import Flaw, InvalidRequest, LichenError
 from lichen.files import Limits, decode, encode, probe
 from lichen.image import Image
 from lichen.operation import Facts, Operation
+from lichen.order import read_order
 from lichen_service import queries, uploads
 from lichen_service.documents import canonical, content_digest, matches, momentary
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
@@ -56,9 +57,8 @@ class Running:
             images = self._decode(given)
         with relocated():
             facts = _expected(operation, query, images)
-            delivery = agree(
-                query.options, request.head.headers.get("accept"), facts, _origin(operation, given, images)
-            )
+            accept, origin = request.head.headers.get("accept"), _origin(operation, given, images)
+            delivery = agree(query.options, accept, facts, origin)
             return self._answer(request, operation, query, images, delivery, digests, stages)
 
     def _answer(
@@ -155,10 +155,13 @@ def _origin(operation: Operation[Any], given: Uploads, images: Mapping[str, Imag
 
 
 def _expected(operation: Operation[Any], query: Query, images: Mapping[str, Image]) -> Facts:
-    """Size, channels, space and alpha of the result. No pixel is looked at, so its extent means nothing."""
-    parameters = {key: value for key, value in query.values.items() if key in operation.parameters.model_fields}
+    """Size, channels, space and alpha of the result. No pixel is looked at, so its extent means nothing.
+
+    Raises `InvalidRequest` for images that the operation does not take.
+    """
+    order = read_order(operation.name, None, {**query.values, **images}, "numpy")
     facts = {key: Facts(each.height, each.width, each.channels, each.space, each.alpha) for key, each in images.items()}
-    return operation.result(operation.validate(parameters), facts)
+    return operation.result(order.parameters, facts)
 
 
 def _arguments(
