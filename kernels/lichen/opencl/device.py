@@ -106,6 +106,8 @@ class Device:
 
 def probe(device: Device) -> str | None:
     """Build and run a kernel; what is wrong with the device, or None."""
+    if device.is_cpu and "Portable Computing Language" in device.runtime and shutil.which("ld") is None:
+        return "there is no linker (ld) on PATH, without which PoCL ends the process"
     vectors = 100  # not a whole number of work-groups
     given = aligned_empty((vectors, 16))
     given[...] = np.arange(vectors * 16, dtype=np.float32).reshape(vectors, 16) / 16
@@ -196,8 +198,6 @@ def _search(wanted: str) -> tuple[Device | None, Status]:
         if wrong is None:
             return device, _working(wanted, device, found, folder)
         failures.append(f"{str(candidate.name).strip()}: {wrong}")
-    if shutil.which("ld") is None:
-        failures.append("there is no linker (ld) on PATH, which PoCL needs")
     return None, _refused(wanted, f"no device passed its trial ({'; '.join(failures)})", found, folder)
 
 

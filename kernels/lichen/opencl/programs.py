@@ -88,10 +88,11 @@ def _resolved(path: Path, name: str, once: set[Path], depth: int = 0) -> list[st
     return lines
 
 
-def _option(name: str, value: int | float | str) -> str:
+def _definition(name: str, value: int | float | str) -> str:
+    """As a line of source rather than a build option: runtimes split options at spaces, quoted or not."""
     if isinstance(value, float):
-        return f"-D{name}={value.hex()}f"
-    return f"-D{name}={int(value) if isinstance(value, bool) else value}"
+        return f"#define {name} {value.hex()}f"
+    return f"#define {name} {int(value) if isinstance(value, bool) else value}"
 
 
 class Programs:
@@ -116,7 +117,7 @@ class Programs:
     def build(self, source: str, defines: Definitions) -> cl.Program:
         """The program of a source, built at most once."""
         loaded = load(source)
-        key = (loaded.digest, tuple(_option(*item) for item in sorted(defines.items())))
+        key = (loaded.digest, tuple(_definition(*item) for item in sorted(defines.items())))
         program = self._built.get(key)
         if program is None:
             with self._lock:
@@ -138,12 +139,12 @@ class Programs:
     def _compile(self, source: Source, definitions: tuple[str, ...]) -> cl.Program:
         import pyopencl as cl
 
-        program = cl.Program(self._context, source.text)
+        program = cl.Program(self._context, "\n".join([*definitions, source.text]))
         try:
-            program.build([*OPTIONS, *definitions])
+            program.build(list(OPTIONS))
         except cl.Error as error:
             log = self._build_log(program) or str(error)
-            given = f" with {' '.join(definitions)}" if definitions else ""
+            given = f" with {', '.join(line.removeprefix('#define ') for line in definitions)}" if definitions else ""
             raise DeviceFailure(f"{source.name} could not be built{given}:\n{log}") from error
         log = self._build_log(program)
         if log:

@@ -182,9 +182,8 @@ class Session:
         if not array.flags.writeable:
             raise ValueError("a read-only array cannot be written by a kernel")
         held = self._hold(array, needed=needed)
-        if not held.written:
-            self._refuse_overlap(held)
-            held.written = True
+        self._refuse_overlap(held, written=True)
+        held.written = True
         return held
 
     def _hold(self, array: Array, *, needed: bool) -> Held:
@@ -195,7 +194,7 @@ class Session:
         if held is None:
             held = self._held[key] = self._wrap(array, first, needed)
             try:
-                self._refuse_overlap(held)
+                self._refuse_overlap(held, written=False)
             except ValueError:
                 del self._held[key]
                 raise
@@ -219,10 +218,10 @@ class Session:
         low, high = np.lib.array_utils.byte_bounds(array)
         return Held(array, memory, buffer, low, high)
 
-    def _refuse_overlap(self, held: Held) -> None:
+    def _refuse_overlap(self, held: Held, *, written: bool) -> None:
         for other in self._held.values():
             apart = other is held or other.end <= held.first or held.end <= other.first
-            if not apart and (other.written or held.written):
+            if not apart and (other.written or written):
                 raise ValueError("two arrays of one session overlap and one of them is written")
 
     def _release(self) -> None:
