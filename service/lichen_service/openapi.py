@@ -8,9 +8,9 @@ is, with the same meaning.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+import lichen
 from lichen.files import FORMATS
 from lichen.operation import Knob, Operation
 from lichen_service.descriptions import inlined, options_schema, path_of
@@ -30,20 +30,13 @@ _REPORT_HEADERS = {
 }
 
 
-def own_version() -> str:
-    try:
-        return version("lichen")
-    except PackageNotFoundError:
-        return "unknown"
-
-
 def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
     """The document for these operations."""
     return {
         "openapi": "3.1.0",
         "info": {
             "title": "Lichen",
-            "version": own_version(),
+            "version": lichen.__version__,
             "description": "Image operations whose accuracy has a stated price. "
             "Wherever POST runs an operation, QUERY (RFC 10008) does the same, safely and idempotently.",
         },

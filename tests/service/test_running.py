@@ -369,6 +369,24 @@ def test_a_form_of_one_image_is_that_image(call: Caller, png: bytes) -> None:
     )
 
 
+def test_a_form_of_two_images_gives_each_to_its_input(call: Caller, operations: Mapping[str, Any]) -> None:
+    names = [each.name for each in operations["lic"].inputs]
+    y, x = np.mgrid[0:16, 0:16].astype(np.float32) - 7.4
+    field, texture = np.stack([-y, x], axis=2), picture(16, 16)
+    parts = {names[0]: npy(field), names[1]: (bytes(encode(texture, "png").data), "image/png")}
+    target = "/v1/operations/lic?length=4&device=numpy&format=npy&storage=float32"
+    response = call("POST", target, *form(parts))
+    asked = {"length": 4, "device": "numpy", "storage": "float32"}
+    expected = engine.run("lic", Image(field), **asked, **{names[1]: decode(parts[names[1]][0])})
+    np.testing.assert_array_equal(decode(response.body).pixels, expected.image.pixels)
+    # A part called `image` is the first input, whatever that is called.
+    renamed = {"image": parts[names[0]], names[1]: parts[names[1]]}
+    assert bytes(call("POST", target, *form(renamed)).body) == bytes(response.body)
+    broken = {names[0]: b"no image", names[1]: parts[names[1]][0][:40]}
+    problem = read_json(call("POST", target, *form(broken)))
+    assert pointers(problem) == {f"/inputs/{names[0]}", f"/inputs/{names[1]}"}
+
+
 def test_a_form_may_come_in_any_kind_of_buffer(call: Caller, png: bytes) -> None:
     body, headers = form({"image": png})
     for kind in (bytes, bytearray, memoryview):

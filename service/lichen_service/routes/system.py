@@ -8,12 +8,13 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+import lichen
 from lichen import catalogue
 from lichen.opencl.device import default_device, status
 from lichen_service.descriptions import limits_of, path_of
 from lichen_service.documents import canonical, document, momentary
 from lichen_service.http.message import Request, Response
-from lichen_service.openapi import openapi, own_version
+from lichen_service.openapi import openapi
 from lichen_service.readiness import Readiness
 from lichen_service.refusals import RETRY_AFTER, Refusal
 from lichen_service.settings import Settings
@@ -71,7 +72,7 @@ def versions() -> dict[str, Any]:
     """Versions of what computes: the engine, the device, the libraries and Python."""
     device = default_device()
     return {
-        "lichen": own_version(),
+        "lichen": lichen.__version__,
         "python": platform.python_version(),
         "libraries": {name: _version_of(name) for name in LIBRARIES},
         "opencl": {"available": False, "reason": status().reason}
@@ -111,7 +112,7 @@ td {{ padding: .1rem 1rem .1rem 0 }}
 </style>
 </head>
 <body>
-<h1>Lichen {html.escape(own_version())}</h1>
+<h1>Lichen {html.escape(lichen.__version__)}</h1>
 <p>Image operations over HTTP whose accuracy has a stated price.
 Send an image to <code>/v1/operations/NAME?parameter=value</code> with POST or QUERY; the answer is the result.</p>
 <table>{rows}</table>
