@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -29,3 +31,17 @@ def tracked() -> list[Path]:
 @pytest.fixture(scope="session")
 def project() -> dict[str, Any]:
     return tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+@pytest.fixture(scope="session")
+def asked(project: dict[str, Any]) -> Callable[..., list[Requirement]]:
+    """What pyproject.toml asks for: the dependencies, and a dependency group with all it includes, if one is named."""
+
+    def of_group(group: str) -> list[Requirement]:
+        found = []
+        for entry in project["dependency-groups"][group]:
+            found += [Requirement(entry)] if isinstance(entry, str) else of_group(entry["include-group"])
+        return found
+
+    dependencies = [Requirement(text) for text in project["project"]["dependencies"]]
+    return lambda group="": dependencies + (of_group(group) if group else [])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib.metadata
 import os
 import shutil
@@ -10,9 +11,8 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import pytest
 from packaging.requirements import Requirement
@@ -53,33 +53,47 @@ def test_the_wheel_holds_every_file_of_the_packages(root: Path, tracked: list[Pa
     assert {name for name in held - expected if ".dist-info/" not in name} == set()
 
 
-def imported_packages(root: Path) -> dict[str, str]:
-    """Top-level modules the packages import, that are neither ours nor Python's: where each is imported."""
+def imported(folders: Iterable[Path]) -> dict[str, str]:
+    """Top-level modules that Python files import and that are neither theirs, nor ours, nor Python's: where each is."""
+    files = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
+    own = {*ROOTS, *(path.stem for path in files if "tests" in path.parts), *sys.stdlib_module_names}
     found = {}
-    for package, folder in ROOTS.items():
-        for path in sorted((root / folder / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text())):
-                names = []
-                if isinstance(node, ast.Import):
-                    names = [alias.name for alias in node.names]
-                elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                    names = [node.module]
-                for name in names:
-                    top = name.partition(".")[0]
-                    if top not in ROOTS and top not in sys.stdlib_module_names:
-                        found[top] = str(path.relative_to(root))
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                names = [node.module]
+            found |= {top: str(path) for name in names if (top := name.partition(".")[0]) not in own}
     return found
 
 
-def test_every_import_is_declared_and_every_dependency_imported(root: Path, project: dict[str, Any]) -> None:
-    declared = {canonicalize_name(Requirement(text).name) for text in project["project"]["dependencies"]}
-    distributions = importlib.metadata.packages_distributions()
-    provided = {
-        module: {canonicalize_name(name) for name in distributions.get(module, [])}
-        for module in imported_packages(root)
-    }
-    assert {module: imported_packages(root)[module] for module, names in provided.items() if not names & declared} == {}
-    assert declared - set().union(*provided.values()) == set()
+@functools.cache
+def providers(module: str) -> set[str]:
+    """Distributions that provide a module; one of the module's own name is always taken to."""
+    return {canonicalize_name(name) for name in [module, *distributions().get(module, [])]}
+
+
+distributions = functools.cache(importlib.metadata.packages_distributions)
+
+
+def undeclared(modules: Mapping[str, str], requirements: list[Requirement]) -> dict[str, str]:
+    declared = {canonicalize_name(requirement.name) for requirement in requirements}
+    return {module: path for module, path in modules.items() if not providers(module) & declared}
+
+
+def test_every_import_is_declared_and_every_dependency_imported(
+    root: Path, asked: Callable[..., list[Requirement]]
+) -> None:
+    modules = imported(root / folder / package for package, folder in ROOTS.items())
+    assert undeclared(modules, asked()) == {}
+    used = {name for module in modules for name in providers(module)}
+    assert [requirement for requirement in asked() if canonicalize_name(requirement.name) not in used] == []
+
+
+def test_what_the_tests_import_is_declared_too(root: Path, asked: Callable[..., list[Requirement]]) -> None:
+    assert undeclared(imported([root / "tests", root / "docs"]), asked("dev")) == {}
 
 
 def test_system_packages_are_named_in_one_place(root: Path, tracked: list[Path]) -> None:
