@@ -1,6 +1,6 @@
 // Smallest and largest finite value of an array, and how many values are NaN or infinite, per block of `block` values.
-// One work-item takes a block; four running results in turn hide the time that a comparison takes. The three numbers are
-// the same in any order.
+// One work-item takes a block; four running results in turn hide the time that a comparison takes. The three numbers
+// are the same in any order.
 #define TURNS 4
 
 __kernel void extent(__global const float* restrict values, ulong count, int block, __global float* restrict parts)

@@ -7,7 +7,7 @@ infinitely wrong.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,14 @@ Floats = npt.NDArray[np.floating[Any]]
 SOURCE = str(Path(__file__).with_name("numeric_trial.cl"))
 COUNT = 1_000_000
 WIDTHS = (1, 4, 8, 16)
+
+
+def float32(values: Sequence[float]) -> npt.NDArray[np.float32]:
+    return np.array(values, dtype=np.float32)
+
+
 LARGEST = float(np.finfo(np.float32).max)
-SPECIAL = np.float32(
+SPECIAL = float32(
     [
         *(0.0, -0.0, 1.0, -1.0, 0.5, 2.0, 4.0, 1e-45, -1e-45, 1.1754942e-38, 1.1754944e-38, LARGEST, -LARGEST),
         *(np.inf, -np.inf, np.nan, 127.99999, 128.0, -126.0, -126.5, -149.0, -149.5, -150.0, -151.0, 88.72, 88.73),
@@ -114,7 +120,7 @@ def test_functions_of_one_number(
 def test_huge_angles(device: Device, function: str, exact: Callable[[Any], Any]) -> None:
     random = np.random.default_rng(2)
     inputs = any_float(random, 60_000)
-    inputs = np.concatenate([inputs[np.abs(inputs) > 5e4][:4000], np.float32([LARGEST, -LARGEST, 51471.0, 51471.004])])
+    inputs = np.concatenate([inputs[np.abs(inputs) > 5e4][:4000], float32([LARGEST, -LARGEST, 51471.0, 51471.004])])
     with mpmath.workprec(260):
         wanted = np.array([float(exact(mpmath.mpf(float(value)))) for value in inputs])
     hold(device, function, (inputs,), wanted, 1.5)
@@ -167,15 +173,15 @@ def test_powers_at_the_edge(device: Device) -> None:
     x, y = (axis.ravel().astype(np.float32) for axis in np.meshgrid(bases, [-200, -2, -1e-45, 0, 0.5, 2, 200]))
     hold(device, "num_pow", (x, y), quietly(np.power, x, y), 2.0)
     for undefined in ([np.nan, 2.0], [np.nan, 0.0], [-1.0, 2.0], [-0.5, 0.5], [2.0, np.nan], [-np.inf, 1.0]):
-        assert np.isnan(evaluate(device, "num_pow", *np.float32(undefined).reshape(2, 1)))
-    x = np.float32([0, 1e-45, 1e-38, np.inf, LARGEST, np.nan, -1, 1])
+        assert np.isnan(evaluate(device, "num_pow", *float32(undefined).reshape(2, 1)))
+    x = float32([0, 1e-45, 1e-38, np.inf, LARGEST, np.nan, -1, 1])
     found = evaluate(device, "num_pow_fast", x, np.full(x.size, 2.4, np.float32))
     assert np.array_equal(found, [0, 0, 0, np.inf, np.inf, np.nan, 0, 1], equal_nan=True)
 
 
 def test_atan2(device: Device) -> None:
     random = np.random.default_rng(6)
-    edge = np.float32([0.0, -0.0, 1, -1, 1e-45, -1e-45, LARGEST, np.inf, -np.inf, np.nan])
+    edge = float32([0.0, -0.0, 1, -1, 1e-45, -1e-45, LARGEST, np.inf, -np.inf, np.nan])
     edges = [axis.ravel() for axis in np.meshgrid(edge, edge)]
     y, x = (
         np.concatenate([special, any_float(random, COUNT // 2), random.normal(size=COUNT // 2)]) for special in edges
@@ -187,7 +193,7 @@ def test_atan2(device: Device) -> None:
 
 
 def test_selection_keeps_nan(device: Device) -> None:
-    values = np.float32([np.nan, -np.inf, -1, -0.5, 0, 0.5, 1, 2, np.inf])
+    values = float32([np.nan, -np.inf, -1, -0.5, 0, 0.5, 1, 2, np.inf])
     a, b = (axis.ravel() for axis in np.meshgrid(values, values))
     for width in WIDTHS:
         assert np.array_equal(evaluate(device, "num_min", a, b, width=width), np.minimum(a, b), equal_nan=True)

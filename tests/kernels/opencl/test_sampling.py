@@ -56,7 +56,7 @@ def reference(method: str, border: Border, image: np.ndarray, x: np.ndarray, y: 
     margin = 40
     wide = padded(image.astype(np.float64), border, margin)
     if method == "nearest":
-        return wide[np.floor(y).astype(int) + margin, np.floor(x).astype(int) + margin]
+        return np.asarray(wide[np.floor(y).astype(int) + margin, np.floor(x).astype(int) + margin])
     left, top = np.floor(x - 0.5).astype(int), np.floor(y - 0.5).astype(int)
 
     def weights(t: np.ndarray) -> list[np.ndarray]:
@@ -68,11 +68,11 @@ def reference(method: str, border: Border, image: np.ndarray, x: np.ndarray, y: 
 
     across, down = weights(x - 0.5 - left), weights(y - 0.5 - top)
     first = 0 if method == "bilinear" else -1
-    return sum(
-        (v * w)[:, np.newaxis] * wide[top + first + j + margin, left + first + i + margin]
-        for j, v in enumerate(down)
-        for i, w in enumerate(across)
-    )
+    value = np.zeros((x.size, image.shape[2]))
+    for j, v in enumerate(down):
+        for i, w in enumerate(across):
+            value += (v * w)[:, np.newaxis] * wide[top + first + j + margin, left + first + i + margin]
+    return value
 
 
 @pytest.mark.parametrize("border", BORDERS)
