@@ -148,7 +148,8 @@ class Form:
                 u = np.where(p < np.inf, PQ_Q * (p - 1) / (1 + PQ_C3 * p), PQ_Q / PQ_C3)
                 return np.exp(PQ_M2 * np.log1p(np.where(np.isnan(a), a, u)))
             w = np.expm1(np.log(np.minimum(a, pq_ceiling_signal())) / PQ_M2)
-            return self.outer * (np.maximum(PQ_Q + w, 0) / (PQ_Q - PQ_C3 * w)) ** (1 / PQ_M1)
+            light = self.outer * (np.maximum(PQ_Q + w, 0) / (PQ_Q - PQ_C3 * w)) ** (1 / PQ_M1)
+            return np.where(np.isinf(a), a, light)
 
     def slope(self, distance: npt.ArrayLike) -> Array:
         """The derivative of the body at a >= 0; infinite where the curve is vertical."""

@@ -140,6 +140,8 @@ def _pq_decode(a: Array, y: Array, spare: list[Array], form: Form) -> None:
     np.divide(w, below, out=w)
     _raise(w, y, 1 / PQ_M1)
     np.multiply(y, F(form.outer), out=y)
+    if not a.max() < np.inf:
+        np.copyto(y, a, where=np.isposinf(a))
 
 
 def _pq_encode(a: Array, y: Array, spare: list[Array], form: Form) -> None:

@@ -119,7 +119,7 @@ inline float16 pq_decode(float16 a, global const float *k)
     float16 ratio = above / fma(w, (float16)(-PQ_C3), (float16)(PQ_Q));
     float16 y = raised(ratio, k[POWER_HIGH], k[POWER_LOW]) * k[OUTER];
     y = select(y, (float16)(0.0f), above <= 0.0f);
-    return select(y, a, isnan(a));
+    return select(a, y, a < INFINITY);
 }
 
 // Light to signal. p = Y^m1, log2 N = (2 m2 / ln 2) atanh(s); k[POWER_HIGH] is m1 and k[INNER] the power of the factor

@@ -13,7 +13,8 @@ Truth: the curve as its standard prints it, in float64, for every colour channel
 Outside the standards' domains. Above 1 every curve is continued by its own formula. PQ has a pole at signal 1.992:
 decoding saturates at 1e10 cd/m2 (signal 1.840), and encoding tends to 1.992. Signals below PQ's black, 7.3e-7, decode
 to 0. Negative values are mirrored (f(-x) = -f(x); BT.1886 about its own zero, which lies below signal 0 where black is
-not 0) or clamped to no light. NaN stays; infinity follows the limit; light beyond float32's range becomes infinite.
+not 0) or clamped to no light. NaN stays; infinity stays but in PQ's encoding, which has a limit; light beyond float32's
+range becomes infinite.
 
 Methods: `exact` evaluates the curve; `table` interpolates linearly in 256 to 65536 cells and evaluates what lies above
 the table's top.
@@ -140,10 +141,10 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
         return image
     shape = form(p)
     low, high = (shape.value(x) for x in _bounds(p, image))
-    slack = shape.jump + 8 * ROUNDING * (abs(low) + abs(high))
+    slack = shape.jump + _exact_error(p, image).value
     low, high = low - slack, high + slack
     if image.extent.nonfinite and math.isfinite(limit := float(shape.magnitude(math.inf))):
-        low, high = -limit, limit
+        low, high = min(low, -limit - slack), max(high, limit + slack)
     if image.extent.nonfinite and p.clamped:
         low = min(low, shape.offset)
     if image.alpha is not Alpha.NONE:
@@ -242,7 +243,7 @@ def _pq(x: Array, p: Parameters, decode: bool) -> Array:
         root = x ** (1 / m2)
         pole = c2 - c3 * root
         y = np.where(pole <= 0, np.inf, (np.maximum(root - c1, 0) / pole) ** (1 / m1))
-        light: Array = np.minimum(10000 * y, 1e10) / p.nominal_white
+        light: Array = np.where(np.isinf(x), x, np.minimum(10000 * y, 1e10) / p.nominal_white)
         return light
     power = (x * p.nominal_white / 10000) ** m1
     return np.power(np.where(np.isinf(x), c2 / c3, (c1 + c2 * power) / (1 + c3 * power)), m2)
