@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 importlib.import_module("lichen.operations")  # before the function below takes its name in this namespace
 
 if TYPE_CHECKING:
-    from lichen.catalogue import operation
     from lichen.engine import Result, evaluate_truth, explain, run
     from lichen.image import Alpha, Image, Space, Storage
     from lichen.operation import Operation
@@ -30,13 +29,11 @@ __all__ = [
     "Storage",
     "evaluate_truth",
     "explain",
-    "operation",
     "operations",
     "run",
 ]
 
 _HOMES = {
-    "lichen.catalogue": ("operation",),
     "lichen.engine": ("Result", "evaluate_truth", "explain", "run"),
     "lichen.image": ("Alpha", "Image", "Space", "Storage"),
     "lichen.planning.plan": ("Plan",),

@@ -20,13 +20,7 @@ from lichen.errors import DeviceFailure, Flaw, InvalidRequest, LichenError, near
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array, aligned
 from lichen.opencl.device import Device, default_device, status
-
-try:
-    from lichen.opencl.extent import extent as device_extent
-except ImportError:
-    from lichen.image import measure_extent
-
-    device_extent = lambda device, pixels: measure_extent(pixels)
+from lichen.opencl.extent import extent as device_extent
 from lichen.operation import Error, Facts, Inputs
 from lichen.order import BACKENDS, Order, Picture, read_order
 from lichen.planning.graph import Decision, Graph, Node

@@ -1,0 +1,125 @@
+"""Gaussian blur against SciPy, and what its bounds and its choice of method promise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+import lichen
+from lichen.image import as_image
+from lichen.operation import Border, Facts
+from lichen.operations.convolution.gaussian import Parameters, gaussian
+from lichen.operations.convolution.gaussian_weights import (
+    dct_bases,
+    dct_modes,
+    eigenvalues,
+    fir_radius,
+    fir_weights,
+    half_kernel,
+)
+from lichen.operations.convolution.passes import folded
+
+SCIPY = {
+    Border.REFLECT: "reflect",
+    Border.REFLECT101: "mirror",
+    Border.CLAMP: "nearest",
+    Border.WRAP: "wrap",
+    Border.CONSTANT: "constant",
+}
+
+
+@pytest.mark.parametrize("border", list(Border))
+@pytest.mark.parametrize("sigma", [0.3, 1.0, 4.0, 15.0, 60.0])
+def test_truth_agrees_with_scipy(border: Border, sigma: float) -> None:
+    """SciPy cuts its kernel at a chosen distance; at nine sigma that is nothing."""
+    pixels = np.random.default_rng(3).random((41, 58, 2))
+    truth = gaussian.evaluate_truth({"image": as_image(pixels)}, Parameters(sigma=sigma, border=border, value=0.3))
+    mode = SCIPY[border]
+    expected = ndimage.gaussian_filter(pixels, sigma, mode=mode, cval=0.3, truncate=9.0, axes=(0, 1))
+    np.testing.assert_allclose(truth, expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("sigma", [1e-6, 0.2, 1.0, 7.3, 100.0])
+def test_kernel_sums_to_one_and_loses_what_it_says(sigma: float) -> None:
+    half = half_kernel(sigma)
+    assert half[0] + 2 * half[1:].sum() == pytest.approx(1, abs=1e-14)
+    for tail in (1e-2, 1e-5):
+        radius, outside = fir_radius(sigma, tail)
+        weights = fir_weights(sigma, tail)
+        assert len(weights) == 2 * radius + 1
+        assert outside <= tail
+        assert radius == 0 or 2 * half[radius:].sum() > tail  # one tap less would lose too much
+        whole = np.concatenate([half[:0:-1], half])
+        cut = np.zeros_like(whole)
+        cut[len(half) - 1 - radius : len(half) + radius] = weights
+        assert np.abs(whole - cut).sum() <= 2 * tail * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 2, 17, 64])
+@pytest.mark.parametrize("sigma", [0.4, 1.9, 2.1, 30.0])
+def test_cosine_modes_diagonalise_the_pass(size: int, sigma: float) -> None:
+    half = half_kernel(sigma)
+    matrix, _ = folded(np.concatenate([half[:0:-1], half]), size, Border.REFLECT)
+    modes = np.cos(np.pi / size * np.outer(np.arange(size) + 0.5, np.arange(size)))
+    np.testing.assert_allclose(matrix @ modes, modes * eigenvalues(sigma, size, size), atol=1e-8)
+    forward, inverse = dct_bases(sigma, size, 1e-9)
+    np.testing.assert_allclose(inverse @ forward, matrix, atol=2e-6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    sigma=st.floats(0.05, 80),
+    border=st.sampled_from(list(Border)),
+    tail=st.sampled_from([1e-1, 1e-2, 1e-4]),
+    shape=st.tuples(st.integers(1, 40), st.integers(1, 40), st.integers(1, 3)),
+    seed=st.integers(0, 2**31),
+)
+def test_no_image_breaks_the_bound(
+    sigma: float, border: Border, tail: float, shape: tuple[int, int, int], seed: int
+) -> None:
+    """Signs that follow the kernel's error are the worst input; random extremes come close."""
+    pixels = np.sign(np.random.default_rng(seed).standard_normal(shape)).astype(np.float32)
+    parameters = Parameters(sigma=sigma, border=border, value=-1.0)
+    inputs = {"image": as_image(pixels)}
+    facts = {"image": Facts.of(inputs["image"])}
+    truth = gaussian.evaluate_truth(inputs, parameters)
+    for method in gaussian.methods.values():
+        if method.unfit(parameters, facts) is None:
+            made = method.implementation.numpy(inputs, parameters, tail)
+            assert np.abs(made - truth).max() <= method.error(parameters, tail, facts).value
+
+
+@pytest.mark.parametrize("backend", ["opencl", "numpy"])
+def test_zero_sigma_returns_the_input_bit_for_bit(backend: str) -> None:
+    pixels = np.random.default_rng(1).standard_normal((9, 7, 3)).astype(np.float32)
+    pixels[2, 3] = [np.nan, np.inf, -0.0]
+    result = lichen.run("gaussian", pixels, sigma=0, device=backend)
+    assert result.image.pixels.tobytes() == pixels.tobytes()
+    assert result.method == "identity"
+    assert [decision.action for decision in result.decisions] == ["dropped"]
+
+
+def test_wide_kernels_take_the_transform_and_narrow_ones_do_not() -> None:
+    pixels = np.random.default_rng(1).random((512, 512, 1), dtype=np.float32)
+    assert lichen.explain("gaussian", pixels, sigma=1.0, max_error=1e-4).method.startswith("fir")
+    assert lichen.explain("gaussian", pixels, sigma=60.0, max_error=1e-4).method.startswith("dct")
+    assert dct_modes(60.0, 512, 1e-4)[0] < dct_modes(10.0, 512, 1e-4)[0]
+
+
+def test_nonfinite_input_leaves_the_transform() -> None:
+    pixels = np.random.default_rng(1).random((512, 512, 1), dtype=np.float32)
+    pixels[100, 100] = np.nan
+    plan = lichen.explain("gaussian", pixels, sigma=60.0, max_error=1e-4)
+    assert plan.method.startswith("fir")
+    offers = plan.to_json()["nodes"][0]["alternatives"]
+    assert any("spread NaN" in offer["verdict"] for offer in offers if offer["method"] == "dct")
+
+
+def test_constant_images_stay_constant() -> None:
+    for border in (Border.REFLECT, Border.CLAMP, Border.WRAP, Border.REFLECT101):
+        for sigma in (0.7, 5.0, 200.0):
+            result = lichen.run("gaussian", np.full((40, 50, 3), 0.3, np.float32), sigma=sigma, border=border)
+            np.testing.assert_allclose(result.image.pixels, 0.3, atol=1e-6)
