@@ -146,12 +146,19 @@ class Error:
     `kind` says how it is known: a `bound` is proved, an `estimate` comes from a calibration corpus, and a `measured`
     error was found on this very image. `rounding` is the part of `value` that is the rounding of float32 arithmetic:
     what a caller who asks for nothing accepts anyway. Underflow is not counted: no difference below the smallest normal
-    float32 breaks a bound.
+    float32 breaks a bound. `typical` is the RMS error to expect, where a corpus gave one: it ranks methods whose worst
+    case no proof separates.
     """
 
     value: float
     kind: Literal["bound", "estimate", "measured"]
     rounding: float = 0.0
+    typical: float | None = None
+
+    @property
+    def usual(self) -> float:
+        """The typical error, or the largest where nothing better is known."""
+        return self.value if self.typical is None else self.typical
 
     def __str__(self) -> str:
         return f"{self.value:.3g} ({self.kind})"

@@ -5,8 +5,8 @@ own method's error is added. The caller's wish decides:
 
 * `max_error`: the cheapest choice whose predicted error meets it;
 * `max_ms`: the most accurate choice that fits; with both, the cheapest within both;
-* neither: the cheapest choice whose error, float32 rounding aside, lies below a quarter of the output's quantum, and
-  the most accurate where none does;
+* neither: the cheapest choice whose largest error, float32 rounding aside, lies below a quarter of the output's
+  quantum; where none does, the cheapest whose typical error does; where none does either, the most accurate;
 * `method` and knobs narrow the candidates of the node they name.
 
 Nothing that meets the request is `Unattainable`, with the best that can be had; it is never missed silently.
@@ -15,8 +15,10 @@ Nothing that meets the request is `Unattainable`, with the best that can be had;
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import product
+from typing import Literal
 
 from lichen.errors import Flaw, InvalidRequest, Unattainable, nearest
 from lichen.image import Storage
@@ -61,7 +63,10 @@ def total_error(graph: Graph, facts: Mapping[str, Facts], choices: Choices) -> E
         if rounding:
             rounding = node.operation.propagate(node.parameters, known, rounding)
         proved = own.kind == "bound" and all(error.kind == "bound" for error in arriving)
-        reached[node.name] = Error(value + own.value, "bound" if proved else "estimate", rounding + own.rounding)
+        usual = max((error.usual for error in arriving), default=0.0)
+        usual = node.operation.propagate(node.parameters, known, usual) if usual else 0.0
+        kind: Literal["bound", "estimate"] = "bound" if proved else "estimate"
+        reached[node.name] = Error(value + own.value, kind, rounding + own.rounding, usual + own.usual)
     return reached[graph.output]
 
 
@@ -114,20 +119,31 @@ def _target(output: Facts, request: Request) -> float:
     return relative * magnitude
 
 
-def _meets(error: Error, request: Request, target: float) -> bool:
-    return (error.value if request.max_error is not None else error.value - error.rounding) <= target
+def _largest(error: Error) -> float:
+    return error.value
+
+
+def _largest_but_rounding(error: Error) -> float:
+    return error.value - error.rounding
+
+
+def _typical_but_rounding(error: Error) -> float:
+    return error.usual - error.rounding
 
 
 def _within_error(
     graph: Graph, facts: Mapping[str, Facts], usable: Mapping[str, list[Candidate]], request: Request, target: float
 ) -> Choices:
     """From the most accurate choice, dearest node first, to the cheapest candidates that still meet the target."""
-    choices = {
-        name: min(offers, key=lambda offer: (offer.error.value, offer.seconds)) for name, offers in usable.items()
-    }
-    best = total_error(graph, facts, choices)
-    if not _meets(best, request, target):
-        if request.max_error is not None:
+    asked = request.max_error is not None
+    for measure in (_largest,) if asked else (_largest_but_rounding, _typical_but_rounding):
+        order = partial(_by_error, measure)
+        choices = {name: min(offers, key=order) for name, offers in usable.items()}
+        best = total_error(graph, facts, choices)
+        if measure(best) <= target:
+            break
+    else:
+        if asked:
             raise Unattainable(
                 f"No method meets an error of {target:g}; the smallest that can be stated is {best.value:.3g}.",
                 [Flaw("/max_error", f"at least {best.value:.3g} is needed")],
@@ -138,10 +154,14 @@ def _within_error(
     for name in sorted(choices, key=lambda name: -choices[name].seconds):
         for offer in sorted(usable[name], key=lambda offer: (offer.seconds, offer.error.value)):
             trial = {**choices, name: offer}
-            if _meets(total_error(graph, facts, trial), request, target):
+            if measure(total_error(graph, facts, trial)) <= target:
                 choices = trial
                 break
     return choices
+
+
+def _by_error(measure: Callable[[Error], float], offer: Candidate) -> tuple[float, float, float]:
+    return measure(offer.error), offer.error.usual, offer.seconds
 
 
 def _within_time(
@@ -169,7 +189,7 @@ def _within_time(
     ]
     errors = [total_error(graph, facts, trial) for trial in fitting]
     if request.max_error is None:
-        return fitting[min(range(len(fitting)), key=lambda i: errors[i].value)]
+        return fitting[min(range(len(fitting)), key=lambda i: (errors[i].value, errors[i].usual))]
     meeting = [i for i, error in enumerate(errors) if error.value <= request.max_error]
     if not meeting:
         closest = min(errors, key=lambda error: error.value)
@@ -191,4 +211,4 @@ def _reason(request: Request, target: float) -> str:
         return f"most accurate within {request.max_ms:g} ms"
     if request.max_error is not None:
         return f"cheapest within an error of {target:g}"
-    return f"cheapest within a quarter of the output's quantum, {target:.3g}"
+    return f"cheapest within a quarter of the output's quantum, {target:.3g}, or else the most accurate"
