@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import tomllib
 from collections.abc import Callable
@@ -22,8 +23,8 @@ def root() -> Path:
 @pytest.fixture(scope="session")
 def tracked() -> list[Path]:
     """Every file under version control, relative to the root; files made beside them do not count."""
-    if not (ROOT / ".git").exists():
-        pytest.skip("not a checkout")
+    if not (ROOT / ".git").exists() or not shutil.which("git"):
+        pytest.skip("not a checkout, or no git to read it with")
     listing = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
     return [Path(name) for name in listing.split("\0") if name and (ROOT / name).is_file()]
 
