@@ -5,10 +5,13 @@
 // margins: continues the rows left and right, after which no kernel has to know about borders.
 // rows: along the image, from a padded row; 64 floats at a time with four independent sums.
 //
+// `width` and all strides count floats.
+//
 // No zero weight is ever multiplied with a sample: 0 x NaN would carry NaN beyond the kernel.
 
 #define STRIP 32
 #define BAND 64
+#define CHUNK 128
 #define BLOCK 8
 #define SEGMENT 64
 #define RUN 1024
@@ -26,8 +29,8 @@ inline void store_strip(__global float *out, const float *sums, int count, int a
         out[i] = accumulate ? out[i] + sums[i] : sums[i];
 }
 
-// One item: rows [y, y + BAND) of one strip. `sources` holds for every row of the image and TAPS_FIRST .. beyond it the
-// row to read, or -1 for the constant. Taps are numbered from `first`, relative to the output row.
+// One item: rows [y, y + BAND) of one strip, by `count` taps of the kernel. `sources` names for output row y and tap t,
+// at y + t, the row to read, or -1 for the constant. The taps after the first CHUNK add to what is there.
 __kernel void columns(__global const float *restrict in, __global const int *restrict sources,
                       __global const float *restrict weights, __global float *restrict out, int height, int width,
                       int out_stride, int out_offset, int count, float value, int accumulate)

@@ -38,9 +38,7 @@ def folded(weights: Vector, size: int, border: Border) -> tuple[Vector, Vector]:
     return matrix, constant
 
 
-STRIP, BAND, RUN = 32, 64, 1024  # as in passes.cl and products.cl
-CHUNKS = (32, 128, 512)
-"""Taps that one launch of the column kernel stages at most; one program each."""
+STRIP, BAND, CHUNK, RUN = 32, 64, 128, 1024  # as in passes.cl and products.cl
 
 
 def separable_opencl(device: Device, image: Image, down: Vector, across: Vector, border: Border, value: float) -> Array:
@@ -113,16 +111,15 @@ class Steps:
     def columns(self, source: Array, target: Array, offset: int, weights: Vector) -> None:
         """One pass along the first axis into the rows of `target`, from its column `offset` on."""
         height, width, stride = len(source), source.size // len(source), target.size // len(target)
-        chunk = next((size for size in CHUNKS if len(weights) <= size), CHUNKS[-1])
         taps = weights.astype(np.float32)
-        for first in range(0, len(taps), chunk):
-            some = taps[first : first + chunk]
+        for first in range(0, len(taps), CHUNK):
+            some = taps[first : first + CHUNK]
             rows = np.arange(height + len(some) - 1) + first - len(taps) // 2
             self.session.launch(
                 "convolution/passes.cl", "columns", (-(-width // STRIP), -(-height // BAND)),
                 source, self._sources(rows, height), aligned(some), self.session.readwrite(target), np.int32(height),
                 np.int32(width), np.int32(stride), np.int32(offset), np.int32(len(some)), np.float32(self.value),
-                np.int32(first > 0), local=(1, 1), defines={"CHUNK": chunk},
+                np.int32(first > 0), local=(1, 1),
             )  # fmt: skip
 
     def margins(self, padded: Array, width: int, channels: int, radius: int) -> None:
@@ -133,7 +130,7 @@ class Steps:
                 "convolution/passes.cl", "margins", (len(padded),),
                 self.session.readwrite(padded), self._sources(beside, width), np.int32(len(padded)),
                 np.int32(padded.shape[1]), np.int32(radius), np.int32(width), np.int32(channels),
-                np.float32(self.value), local=(1,), defines={"CHUNK": CHUNKS[0]},
+                np.float32(self.value), local=(1,),
             )  # fmt: skip
 
     def rows(self, padded: Array, target: Array, weights: Vector) -> None:
@@ -143,7 +140,7 @@ class Steps:
             "convolution/passes.cl", "rows", (-(-width * channels // RUN), height),
             padded, aligned(weights), self.session.write(target), np.int32(height), np.int32(width * channels),
             np.int32(padded.shape[1]), np.int32(channels), np.int32(len(weights)),
-            local=(1, 1), defines={"CHUNK": CHUNKS[0]},
+            local=(1, 1),
         )  # fmt: skip
 
     def _sources(self, indices: npt.NDArray[np.int64], size: int) -> Array:
