@@ -50,6 +50,16 @@ def numpy_decode(x: Array, spare: list[Array]) -> Array:
     return power
 
 
+def plain_decode(x: Array) -> Array:
+    """The same as one types it."""
+    decoded: Array = np.where(
+        x <= np.float32(0.04045),
+        x / np.float32(12.92),
+        ((x + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4),
+    )
+    return decoded
+
+
 def oiio_convert(x: Array, source: str, target: str) -> Job:
     """OpenImageIO's colorconvert between two buffers."""
     height, width, channels = x.shape
@@ -102,14 +112,23 @@ def run() -> list[Row]:
     def in_numpy() -> Array:
         return numpy_decode(x, spare)
 
+    def typed() -> Array:
+        return plain_decode(x)
+
     by_oiio = oiio_convert(x, "srgb_rec709_scene", "lin_rec709_scene")
     rows = []
     if device is not None:
         rows += [
             compare("sRGB decode, kernel / OIIO", lambda: exact.opencl(device, inputs, p, 0), by_oiio, expected),
-            compare("sRGB decode, kernel / NumPy **", lambda: exact.opencl(device, inputs, p, 0), in_numpy, expected),
+            compare("sRGB decode, kernel / NumPy **", lambda: exact.opencl(device, inputs, p, 0), typed, expected),
             compare(
-                "sRGB decode, table 4096 / NumPy **", lambda: table.opencl(device, inputs, p, 4096), in_numpy, expected
+                "sRGB decode, kernel / NumPy, in place", lambda: exact.opencl(device, inputs, p, 0), in_numpy, expected
+            ),
+            compare(
+                "sRGB decode, table 4096 / NumPy, in place",
+                lambda: table.opencl(device, inputs, p, 4096),
+                in_numpy,
+                expected,
             ),
             compare(
                 "sRGB decode, lichen.run / OIIO",
@@ -126,7 +145,9 @@ def run() -> list[Row]:
             ("hlg", "encode"),
         ):
             rows.append(ladder(curve, way, picture))
-    rows.append(compare("sRGB decode, our NumPy / NumPy **", lambda: exact.numpy(inputs, p, 0), in_numpy, expected))
+    rows.append(
+        compare("sRGB decode, our NumPy / NumPy, in place", lambda: exact.numpy(inputs, p, 0), in_numpy, expected)
+    )
     return rows
 
 

@@ -32,19 +32,17 @@ def evaluate(pixels: Array, form: Form, *, clamped: bool, table: Table | None = 
     flat = out.reshape(-1)
 
     def share(start: int) -> None:
-        scratch = np.empty((6, BLOCK), dtype=np.float32)
+        scratch = np.empty((6, min(BLOCK, flat.size)), dtype=np.float32)
         with np.errstate(all="ignore"):
             for at in range(start, min(start + SHARE * BLOCK, flat.size), BLOCK):
                 x, y = source[at : at + BLOCK], flat[at : at + BLOCK]
                 _block(x, y, scratch[:, : x.size], form, clamped, table)
 
     starts = range(0, flat.size, SHARE * BLOCK)
-    workers = min(processors(), len(starts))
-    if workers == 1:
-        for start in starts:
-            share(start)
+    if len(starts) == 1:
+        share(0)
     else:
-        with ThreadPoolExecutor(workers) as pool:
+        with ThreadPoolExecutor(min(processors(), len(starts))) as pool:
             for _ in pool.map(share, starts):
                 pass
     return out
@@ -53,7 +51,10 @@ def evaluate(pixels: Array, form: Form, *, clamped: bool, table: Table | None = 
 def _block(x: Array, y: Array, scratch: Array, form: Form, clamped: bool, table: Table | None) -> None:
     signed, a, *spare = scratch
     np.add(x, F(form.shift), out=signed)
-    if clamped:
+    positive = bool(signed.min() >= 0)  # most blocks are, and then the sign needs no work; false where there is NaN
+    if positive:
+        a = signed
+    elif clamped:
         np.maximum(signed, F(0), out=a)
     else:
         np.abs(signed, out=a)
@@ -65,7 +66,7 @@ def _block(x: Array, y: Array, scratch: Array, form: Form, clamped: bool, table:
         np.maximum(y, F(form.floor), out=y)
     if form.knee > 0:
         _toe(a, y, spare[0], form)
-    if not clamped:
+    if not (clamped or positive):
         np.copysign(y, signed, out=y)
     if form.offset:
         np.add(y, F(form.offset), out=y)
@@ -189,7 +190,7 @@ def _interpolate(a: Array, y: Array, spare: list[Array], form: Form, table: Tabl
     np.multiply(part, rise, out=part)
     np.add(y, part, out=y)
     first, last = np.array((table.first, table.last), dtype=np.int32).view(np.float32)
-    if not a.min() >= first:
+    if form.knee <= 0 and not a.min() >= first:  # beside a toe the table starts below the knee
         np.copyto(y, table.nodes[0, 0] + a * table.nodes[0, 1], where=a < first)
     if not a.max() <= last:
         BODIES[form.body](a, part, [rise, *spare[2:]], form)

@@ -4,6 +4,7 @@
 // Definitions given at build time:
 //   BODY      toed_power | power | pq_decode | pq_encode | exponential | logarithm   the curve above its knee
 //   TOE       linear | root | square                                                 the curve below it
+//   GAPPED    1 where the body is never below k[FLOOR], else 0
 //   CLAMPED   0 where negative values are mirrored, 1 where they are no light
 //   COVERAGE  0, or the number of channels, of which the last is coverage and passes as it is
 //
@@ -179,7 +180,8 @@ inline float16 distance(float16 shifted)
 // sample's place in the picture.
 inline float16 finished(float16 x, float16 a, float16 y, global const float *k, ulong at)
 {
-    y = select(y, (float16)(k[FLOOR]), y < k[FLOOR]);
+    if (GAPPED)
+        y = select(y, (float16)(k[FLOOR]), y < k[FLOOR]);
     y = select(y, TOE(a) * k[TOE_SCALE], a < k[KNEE]);
     if (!CLAMPED)
         y = as_float16(as_int16(y) ^ (as_int16(x + k[SHIFT]) & (int)0x80000000));

@@ -303,7 +303,10 @@ def _launch(device: Device, image: Image, p: Parameters, kernel: str, *arguments
     out = aligned_empty(source.shape)
     coverage = image.channels if image.alpha is not Alpha.NONE else 0
     body = "toed_power" if shape.body == "power" and shape.knee > 0 else shape.body
-    defines = {"BODY": body, "TOE": shape.toe, "CLAMPED": int(p.clamped), "COVERAGE": coverage}
+    gapped = shape.floor > -math.inf
+    defines = {
+        "BODY": body, "TOE": shape.toe, "GAPPED": int(gapped), "CLAMPED": int(p.clamped), "COVERAGE": coverage
+    }  # fmt: skip
     samples = source.size
     with device.session() as session:
         session.launch(
@@ -321,9 +324,13 @@ def _numpy(image: Image, p: Parameters, table: Table | None) -> Array:
     return out
 
 
+POWERS = {"power": 1.0, "exponential": 0.7, "logarithm": 0.7, "pq_encode": 2.0, "pq_decode": 2.2}
+"""What a sample of each body costs, in powers."""
+
+
 def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
-    """Samples, coverage included: vectors are computed whole."""
-    return float(facts["image"].samples)
+    """Powers; coverage is computed like colour and dropped."""
+    return POWERS[form(p).body] * facts["image"].samples
 
 
 ROUNDINGS = 3.0
@@ -349,7 +356,7 @@ def _exact_error(p: Parameters, facts: Facts) -> Error:
     "exact",
     error=lambda p, knob, facts: _exact_error(p, facts["image"]),
     work=_work,
-    rates={"opencl": Rate(2e-4, 4e-10), "numpy": Rate(5e-5, 4e-9)},
+    rates={"opencl": Rate(3e-4, 4.5e-10), "numpy": Rate(1e-4, 2.8e-9)},
 )
 class Exact:
     """The curve itself in float32, written so that nothing cancels; the error is a few roundings times the
@@ -380,8 +387,8 @@ def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 @transfer.method(
     "table",
     error=_table_error,
-    work=_work,
-    rates={"opencl": Rate(2e-4, 1e-9), "numpy": Rate(5e-5, 8e-9)},
+    work=lambda p, knob, facts: facts["image"].samples,
+    rates={"opencl": Rate(3e-4, 8.5e-10), "numpy": Rate(1e-4, 7e-9)},
     knob=Knob("size", (256, 1024, 4096, 16384, 65536), "cells of the table at most", 256, 65536),
 )
 class Interpolated:
