@@ -38,7 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line (the process's own by default); returns the exit status."""
     try:
         command, rest = _parse(sys.argv[1:] if arguments is None else arguments)
-        return int(importlib.import_module(COMMANDS[command][0]).main(rest))
+        status = int(importlib.import_module(COMMANDS[command][0]).main(rest))
+        sys.stdout.flush()  # what is left in the buffer may find its reader gone, too
+        return status
     except Usage as wrong:
         return _say(str(wrong), INVALID)
     except KeyboardInterrupt:
@@ -51,10 +53,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         where = f"{failure.filename}: " if failure.filename else ""
         return _say(f"{where}{failure.strerror or failure}", FAILED)
     except Exception as failure:
-        status = _told(failure)
-        if status is None:
+        told = _told(failure)
+        if told is None:
             raise
-        return status
+        return told
 
 
 def _parse(arguments: Sequence[str]) -> tuple[str, list[str]]:
