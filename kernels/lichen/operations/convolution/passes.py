@@ -1,14 +1,14 @@
 """One pass of a symmetric kernel along one axis, and the products that transforms and long kernels come down to.
 
-`Steps` are the kernels of `passes.cl` and `products.cl` in a session, `pass_numpy` is a whole pass in NumPy. A kernel
-longer than the image is folded onto it by the border rule, which is exact and bounds the work.
+`Steps` are the kernels of `passes.cl` and `products.cl` in a session; without a device OpenCV's loops do the same. A
+kernel longer than the image is folded onto it by the border rule, which is exact and bounds the work.
 """
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from lichen.image import Image
 from lichen.memory import Array, aligned, aligned_empty
@@ -69,10 +69,24 @@ def separable_opencl(device: Device, image: Image, down: Vector, across: Vector,
 
 
 def separable_numpy(image: Image, down: Vector, across: Vector, border: Border, value: float) -> Array:
-    """The same in NumPy."""
-    pixels: Array = image.pixels
+    """The same with OpenCV's loops: the image is continued by our borders, of which OpenCV lacks some."""
+    pixels = image.pixels
     for axis, weights in ((0, down), (1, across)):
-        pixels = _pass_numpy(image, pixels, axis, weights, border, value)
+        lines = np.moveaxis(pixels, axis, 0)
+        size, radius = len(lines), len(weights) // 2
+        if _folds(weights, size, image):
+            matrix, constant = folded(weights, size, border)
+            flat = matrix.astype(np.float32) @ lines.reshape(size, -1)
+            flat += np.float32(value) * constant.astype(np.float32)[:, None]
+            pixels = np.moveaxis(flat.reshape(lines.shape), 0, axis)
+        else:
+            at = continued(np.arange(-radius, size + radius), size, border)
+            padded = np.take(pixels, np.maximum(at, 0), axis)
+            np.moveaxis(padded, axis, 0)[at == OUTSIDE] = value
+            taps, inside = [np.ones(1), np.ones(1)], [slice(None), slice(None)]
+            taps[axis], inside[axis] = weights, slice(radius, radius + size)
+            done = cv2.sepFilter2D(padded, -1, taps[1], taps[0], borderType=cv2.BORDER_REPLICATE)
+            pixels = done.reshape(padded.shape)[tuple(inside)]
     return aligned(pixels)
 
 
@@ -145,35 +159,3 @@ class Steps:
 
     def _sources(self, indices: npt.NDArray[np.int64], size: int) -> Array:
         return continued(indices, size, self.border).astype(np.int32)
-
-
-def _pass_numpy(image: Image, pixels: Array, axis: int, weights: Vector, border: Border, value: float) -> Array:
-    """One pass along `axis`.
-
-    Finite images go through matrix products over blocks of lines: the few zero weights in a block cost less than
-    leaving BLAS. They would spread NaN, so images that hold one take SciPy's plain loop.
-    """
-    size, radius = pixels.shape[axis], len(weights) // 2
-    lines = np.moveaxis(pixels, axis, 0)
-    flat = np.ascontiguousarray(lines).reshape(size, -1)
-
-    def taken(first: int, last: int) -> Array:
-        at = continued(np.arange(first, last), size, border)
-        return np.where((at == OUTSIDE)[:, None], np.float32(value), flat[np.maximum(at, 0)])
-
-    if _folds(weights, size, image):
-        matrix, constant = folded(weights, size, border)
-        done = matrix.astype(np.float32) @ flat + np.float32(value) * constant.astype(np.float32)[:, None]
-    elif image.extent.nonfinite:
-        done = ndimage.correlate1d(taken(-radius, size + radius), weights, 0)[radius : radius + size]
-    else:
-        done = np.empty_like(flat)
-        block = max(64, radius)
-        band = np.zeros((block, block + 2 * radius), np.float32)
-        for row in range(block):
-            band[row, row : row + len(weights)] = weights
-        for first in range(0, size, block):
-            count = min(block, size - first)
-            source = taken(first - radius, first + count + radius)
-            np.matmul(band[:count, : count + 2 * radius], source, out=done[first : first + count])
-    return np.moveaxis(done.reshape(lines.shape), 0, axis)
