@@ -2,9 +2,11 @@
 // written so.
 //
 // Definitions given at build time:
-//   BODY      toed_power | power | pq_decode | pq_encode | exponential | logarithm   the curve above its knee
-//   TOE       linear | root | square                                                 the curve below it
+//   BODY      power | power_of_sum | sum_of_power | pq_decode | pq_encode | exponential | logarithm
+//             the curve above its knee
+//   TOE       linear | root | square, the curve below it
 //   GAPPED    1 where the body is never below k[FLOOR], else 0
+//   SHIFTED   1 where k[OFFSET] is to be added, else 0
 //   CLAMPED   0 where negative values are mirrored, 1 where they are no light
 //   COVERAGE  0, or the number of channels, of which the last is coverage and passes as it is
 //
@@ -43,7 +45,7 @@ inline float16 exp2_of_sum(int16 whole, float16 part)
     return (num_exp2_core(part) * 2.0f) * as_float16((whole + 126) << 23);
 }
 
-// x^(high + low) for normal x > 0 and a positive exponent; infinity and NaN stay. The exponent's product with the integer
+// x^(high + low) for normal x > 0 and a positive exponent, the result above 2^-126; infinity and NaN stay. The exponent's product with the integer
 // part of log2 x is taken apart by fused steps, so the relative error does not grow with |log x|, and an exponent such
 // as 1/2.4 keeps what float32 drops of it.
 inline float16 raised_normal(float16 x, float high, float low)
@@ -53,7 +55,7 @@ inline float16 raised_normal(float16 x, float high, float low)
     float16 l = log2_of_fraction(as_float16(bits - (e << 23)));
     float16 integer = convert_float16(e);
     int16 n;
-    float16 whole = num_nearest(clamp(fma(integer, (float16)(high), l * high), -126.0f, 129.0f), &n);
+    float16 whole = num_nearest(fmin(fma(integer, (float16)(high), l * high), 129.0f), &n);
     float16 part = fma(l, (float16)(high), fma(integer, (float16)(low), fma(integer, (float16)(high), -whole)));
     return select(x, exp2_of_sum(n, part), x < INFINITY);
 }
@@ -72,11 +74,15 @@ inline float16 raised(float16 x, float high, float low)
 
 // ------------------------------------------------------------------------------------------------ bodies
 
-// Beside a toe the base is a normal number wherever the body counts.
-inline float16 toed_power(float16 a, global const float *k)
+// Beside a toe the base is a normal number wherever the body counts. Decoding adds before the power, encoding after it.
+inline float16 power_of_sum(float16 a, global const float *k)
 {
-    float16 base = fma(a, (float16)(k[INNER]), (float16)(k[LIFT]));
-    return fma(raised_normal(base, k[POWER_HIGH], k[POWER_LOW]), (float16)(k[OUTER]), (float16)(k[DROP]));
+    return raised_normal(fma(a, (float16)(k[INNER]), (float16)(k[LIFT])), k[POWER_HIGH], k[POWER_LOW]);
+}
+
+inline float16 sum_of_power(float16 a, global const float *k)
+{
+    return fma(raised_normal(a, k[POWER_HIGH], k[POWER_LOW]), (float16)(k[OUTER]), (float16)(k[DROP]));
 }
 
 inline float16 power(float16 a, global const float *k)
@@ -185,7 +191,8 @@ inline float16 finished(float16 x, float16 a, float16 y, global const float *k, 
     y = select(y, TOE(a) * k[TOE_SCALE], a < k[KNEE]);
     if (!CLAMPED)
         y = as_float16(as_int16(y) ^ (as_int16(x + k[SHIFT]) & (int)0x80000000));
-    y = y + k[OFFSET];
+    if (SHIFTED)
+        y = y + k[OFFSET];
 #if COVERAGE
     uint16 lane = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) + (uint)(at % COVERAGE);
     y = select(y, x, lane % COVERAGE == COVERAGE - 1);

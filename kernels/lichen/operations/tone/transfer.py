@@ -297,16 +297,26 @@ def constants(shape: Form) -> Array:
     return aligned(np.array(numbers, dtype=np.float32))
 
 
+def _body(shape: Form) -> str:
+    """The function of transfer.cl: beside a toe a power needs no care for zero, and one of its two sums is empty."""
+    if shape.body != "power" or shape.knee <= 0:
+        return shape.body
+    return "power_of_sum" if shape.lift else "sum_of_power"
+
+
 def _launch(device: Device, image: Image, p: Parameters, kernel: str, *arguments: Any) -> Array:
     shape = form(p)
     source = aligned(image.pixels)
     out = aligned_empty(source.shape)
     coverage = image.channels if image.alpha is not Alpha.NONE else 0
-    body = "toed_power" if shape.body == "power" and shape.knee > 0 else shape.body
-    gapped = shape.floor > -math.inf
-    defines = {
-        "BODY": body, "TOE": shape.toe, "GAPPED": int(gapped), "CLAMPED": int(p.clamped), "COVERAGE": coverage
-    }  # fmt: skip
+    defines: dict[str, int | float | str] = {
+        "BODY": _body(shape),
+        "TOE": shape.toe,
+        "GAPPED": int(shape.floor > -math.inf),
+        "SHIFTED": int(shape.offset != 0),
+        "CLAMPED": int(p.clamped),
+        "COVERAGE": coverage,
+    }
     samples = source.size
     with device.session() as session:
         session.launch(
