@@ -273,8 +273,8 @@ def error(method: str, p: Parameters, step: float, facts: InputFacts) -> Error:
     return Error(spread * (1 + 1e-3 * typical) + rounding, "bound", rounding)
 
 
-SAMPLING = {"opencl": Rate(5e-4, 1.4e-9), "numpy": Rate(1e-3, 1.3e-7)}
-WALKING = {"opencl": Rate(5e-4, 1.1e-9), "numpy": Rate(1e-3, 9e-8)}
+SAMPLING = {"opencl": Rate(5e-4, 1.4e-9), "numpy": Rate(1e-3, 1.0e-7)}
+WALKING = {"opencl": Rate(5e-4, 1.1e-9), "numpy": Rate(1e-3, 1.1e-7)}
 """Seconds per sample on 2 cores."""
 
 
