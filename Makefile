@@ -32,7 +32,7 @@ test: lint ## check style and types, then run every test
 
 lint: $(VENV)/.development ## check style, types, the order of imports and the Containerfile
 	@$(BIN)/ruff check --quiet .
-	@$(BIN)/ruff format --quiet --check .
+	@report=$$($(BIN)/ruff format --check .) || { echo "$$report"; exit 1; }
 	@$(BIN)/mypy --no-error-summary
 	@report=$$($(BIN)/lint-imports --no-logo) || { echo "$$report"; exit 1; }
 	@$(BIN)/hadolint Containerfile

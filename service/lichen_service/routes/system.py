@@ -19,7 +19,7 @@ from lichen_service.readiness import Readiness
 from lichen_service.refusals import RETRY_AFTER, Refusal
 from lichen_service.settings import Settings
 
-LIBRARIES = ("numpy", "scipy", "pyopencl", "opencv-python-headless", "OpenImageIO", "pydantic", "h11")
+LIBRARIES = ("numpy", "pyopencl", "opencv-python-headless", "OpenImageIO", "pydantic", "h11")
 
 
 class System:
