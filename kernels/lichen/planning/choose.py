@@ -94,9 +94,10 @@ def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> lis
         else:
             asked = knobs.get(method.knob.name)
             settings = method.knob.values if asked is None else (asked,)
+        rate = request.rates.get((node.operation.name, method.name), method.rates[request.backend])
         for setting in settings:
             error = method.error(node.parameters, setting, known)
-            seconds = method.seconds(request.backend, node.parameters, setting, known)
+            seconds = rate.start + rate.step * method.work(node.parameters, setting, known)
             knob = setting if method.knob else None
             offers.append(Candidate(method.name, knob, error, seconds, unfit))
     if not offers:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lichen.image import Alpha, Space, Storage
-from lichen.operation import Error, Facts, Operation, OperationParameters
+from lichen.operation import Error, Facts, Operation, OperationParameters, Rate
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +79,8 @@ class Request:
     space: Space | None = None
     alpha: Alpha | None = None
     storage: Storage | None = None
+    rates: Mapping[tuple[str, str], Rate] = field(default_factory=dict)
+    """of (operation, method) for the backend in use, as measured on this machine; the declared ones otherwise"""
 
 
 @dataclass(frozen=True, slots=True)

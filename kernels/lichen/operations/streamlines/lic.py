@@ -23,8 +23,7 @@ largest error over an image; no smaller figure can be promised, since rough fiel
 5 % of it at any step. What a dearer method buys is the error of all but those lines. `TYPICAL` holds it as found on the
 roughest field of the benchmark (RMS over the spread); in smooth flows it is 10 to 100 times smaller and falls with the
 square of the step, for `euler` with the step. The midpoint rule is not worse than `rk4` there: the interpolated field
-has a kink at every pixel, and its shorter stencil meets fewer of them. So the bound is stated the looser, by a
-thousandth of `TYPICAL`, the coarser the method: it stays true, and a planner finds the better line.
+has a kink at every pixel, and its shorter stencil meets fewer of them.
 
 Sources: Cabral and Leedom, Imaging vector fields using line integral convolution, SIGGRAPH 1993; Stalling and Hege,
 Fast and resolution independent line integral convolution, SIGGRAPH 1995; Heidrich, Westermann, Seidel and Ertl,
@@ -263,14 +262,14 @@ TYPICAL: Mapping[str, tuple[float, ...]] = {
 
 
 def error(method: str, p: Parameters, step: float, facts: InputFacts) -> Error:
-    """The spread of the texture, loosened by what the method typically leaves, and the rounding of the sums."""
+    """The spread of the texture and the rounding of the sums; and the RMS error that the method typically leaves."""
     field, texture = facts["field"], texture_facts(facts)
     spread = texture.extent.spread
     if spread == 0 or (p.length == 0 and (field.height, field.width) == (texture.height, texture.width)):
         return EXACT
     rounding = (p.steps(STEP.low) + 8) * ROUNDING * (spread + texture.extent.magnitude)
     typical = float(np.interp(step, STEP.values[::-1], TYPICAL[method][::-1]))
-    return Error(spread * (1 + 1e-3 * typical) + rounding, "bound", rounding)
+    return Error(spread + rounding, "bound", rounding, spread * typical)
 
 
 SAMPLING = {"opencl": Rate(5e-4, 1.4e-9), "numpy": Rate(1e-3, 1.0e-7)}
