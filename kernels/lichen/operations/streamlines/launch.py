@@ -11,7 +11,7 @@ from lichen.opencl.device import Device
 from lichen.opencl.session import Session
 from lichen.operations.streamlines.lines import trapezoid
 
-SOURCE = "streamlines/lic.cl"
+SOURCE, NEAREST = "streamlines/lic.cl", "streamlines/nearest.cl"
 SEGMENT = 64
 """Pixels that one work-item follows at once; `SEGMENT` in lic.cl."""
 GROUP = (1, 16)
@@ -40,7 +40,7 @@ class Task:
     def follow(self, device: Device, order: int) -> Array:
         """The result by Runge-Kutta steps of order 1, 2 or 4 in the interpolated field."""
         with device.session() as session:
-            vectors = self._decoded(session, "decode")
+            vectors = self._decoded(session, SOURCE, "decode")
             texture, sizes, result = self._texture(session, padded=True)
             channels = result.shape[2]
             for first in range(0, channels, CHANNELS):
@@ -59,19 +59,21 @@ class Task:
                     np.int32(self.arc),
                     np.float32(self.reach),
                     local=GROUP,
-                    defines=defines(order=order, channels=min(CHANNELS, channels - first)),
+                    defines=defines(
+                        order=order, channels=min(CHANNELS, channels - first), same=sizes[:2] == sizes[2:4]
+                    ),
                 )
         return result
 
     def walk(self, device: Device) -> Array:
         """The result by Euler's steps through the vectors of whole pixels, reading whole texels."""
         with device.session() as session:
-            steps = self._decoded(session, "prepare")
+            steps = self._decoded(session, NEAREST, "prepare")
             unit = self.step / 32767 if self.arc else self.step
             texture, sizes, result = self._texture(session, padded=False)
             for channel in range(result.shape[2]):
                 session.launch(
-                    SOURCE,
+                    NEAREST,
                     "walk",
                     self._grid,
                     steps,
@@ -93,12 +95,12 @@ class Task:
         height, width, _ = self.field.shape
         return -(-width // SEGMENT), height
 
-    def _decoded(self, session: Session, kernel: str) -> Array:
-        """A pair per pixel by the kernel of this name, and one pair more: kernels read two neighbours at once."""
+    def _decoded(self, session: Session, source: str, kernel: str) -> Array:
+        """A pair per pixel by this kernel, and one pair more: kernels read two neighbours at once."""
         height, width, channels = self.field.shape
         pairs = session.scratch((height * width + 1, 2))
         session.launch(
-            SOURCE,
+            source,
             kernel,
             (height * width,),
             aligned(self.field),

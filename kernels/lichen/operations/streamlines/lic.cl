@@ -8,14 +8,11 @@
  * NaN is the mark of "no direction here": zero and non-finite vectors turn into it, and no comparison with it holds.
  *
  * Built with ORDER (1, 2, 4: Euler, midpoint, Runge-Kutta), CHANNELS (1 to 4: channels of the texture done at once) and
- * SAME (whether texture and field are of one size) and ARC (whether lines go by arc length); the last two matter to the
- * nearest lines alone.
+ * SAME (whether texture and field are of one size).
  */
 
+#include "field.clh"
 #include "hash.clh"
-
-#define SEGMENT 64
-#define EACH for (int i = 0; i < SEGMENT; ++i)
 
 #if CHANNELS == 1
 typedef float Texel;
@@ -35,26 +32,7 @@ typedef float4 Texel;
 #define STORE(t, p) vstore4(t, 0, p)
 #endif
 
-/* Ternaries, not fmin and fmax: one instruction each, and a NaN coordinate becomes a legal one. */
-inline float within(float x, float low, float high) {
-    x = x > low ? x : low;
-    return x < high ? x : high;
-}
-
-/* An exact power of two that brings `m` near 1, for every finite m >= 0. */
-inline float power_near(float m) {
-    return as_float(max((253 << 23) - (as_int(m) & 0x7f800000), 1 << 23));
-}
-
 /* ------------------------------------------------------------------------------------------------- preparation */
-
-/* Vectors are (c - bias) * scale of the first two of `stride` channels; NaN where that is not finite. `limit` bounds the
- * components where their length matters, so that no later product overflows. */
-inline float2 vector_at(global const float *restrict image, int pixel, int stride, float scale, float bias, float limit) {
-    const float x = (image[(size_t)pixel * stride] - bias) * scale, y = (image[(size_t)pixel * stride + 1] - bias) * scale;
-    const int finite = isfinite(x) && isfinite(y);
-    return finite ? (float2)(within(x, -limit, limit), within(y, -limit, limit)) : (float2)(NAN);
-}
 
 kernel void decode(global const float *restrict image, global float2 *restrict field, int count, int stride, float scale,
                    float bias, float limit) {
@@ -309,16 +287,23 @@ kernel void follow(global const float *restrict field, global const float *restr
             EACH share[i] = alive[i];
             if (edge) cut_at_border(share, &at, &d, columns, row, width, height);
             cut_at_critical_points(share, &here, &there, &d, sign);
+            int cut = !SAME;
             EACH {
                 at.x[i] = share[i] > 0.0f ? fma(share[i], d.x[i], at.x[i]) : at.x[i];
                 at.y[i] = share[i] > 0.0f ? fma(share[i], d.y[i], at.y[i]) : at.y[i];
                 alive[i] = share[i] == 1.0f ? 1.0f : 0.0f;
+                cut |= share[i] > 0.0f && share[i] < 1.0f;
                 here.x[i] = there.x[i];
                 here.y[i] = there.y[i];
-                q.x[i] = fma(at.x[i], scale_x, texture_x[i]);
-                q.y[i] = fma(at.y[i], scale_y, texture_y);
             }
-            locate(&p, &q, texture_columns, texture_row, texture_width, texture_height);
+            /* Where texture and field are of one size and no step was cut, the texels lie where the vectors did. */
+            if (cut) {
+                EACH {
+                    q.x[i] = fma(at.x[i], scale_x, texture_x[i]);
+                    q.y[i] = fma(at.y[i], scale_y, texture_y);
+                }
+                locate(&p, &q, texture_columns, texture_row, texture_width, texture_height);
+            }
             accumulate(sum, weight, last, own, texture, stride, &p, share, weights[k], weights[k + 1]);
         }
     }
@@ -326,106 +311,5 @@ kernel void follow(global const float *restrict field, global const float *restr
         if (first + i >= width) break;
         const Texel mean = weight[i] > 0.0f ? own[i] + sum[i] / weight[i] : own[i];
         STORE(mean, result + ((size_t)row * width + first + i) * stride + channel);
-    }
-}
-
-/* -------------------------------------------------------------------------------------------------- nearest lines */
-
-#if SAME
-#define TEXEL_AT(x, y, cell) ((cell) * stride)
-#else
-#define TEXEL_AT(x, y, cell) (whole_texel(y, scale_y, texture_height) * texture_width + whole_texel(x, scale_x, texture_width)) * stride
-inline int whole_texel(float x, float scale, int size) {
-    return min((int)(x * scale), size - 1);
-}
-#endif
-
-/* A step as `walk` reads it; zero where a line ends. Directions fit into 32 bits, in units of 1 / 32767, and are gathered
- * in two thirds of the time that pairs of floats take; steps in time keep their range. */
-#if ARC
-typedef int Step;
-inline float step_x(Step s) { return (float)((s << 16) >> 16); }
-inline float step_y(Step s) { return (float)(s >> 16); }
-#else
-typedef ulong Step;
-inline float step_x(Step s) { return as_float((uint)s); }
-inline float step_y(Step s) { return as_float((uint)(s >> 32)); }
-#endif
-
-kernel void prepare(global const float *restrict image, global Step *restrict steps, int count, int stride, float scale,
-                    float bias, float limit) {
-    const int i = get_global_id(0);
-    if (i >= count) return;
-    const float2 v = vector_at(image, i, stride, scale, bias, limit);
-    const float m = fmax(fabs(v.x), fabs(v.y)), x = v.x * power_near(m), y = v.y * power_near(m);
-    const int moves = m > 0.0f && v.x == v.x;
-#if ARC
-    const float along = 32767.0f / sqrt(fma(x, x, y * y));
-    steps[i] = moves ? ((int)rint(x * along) & 0xffff) | ((int)rint(y * along) << 16) : 0;
-#else
-    steps[i] = moves ? (ulong)as_uint(v.x) | (ulong)as_uint(v.y) << 32 : 0;
-#endif
-}
-
-/* Euler steps through the vectors of whole pixels, reading whole texels: one channel of the texture at a time. */
-kernel void walk(global const Step *restrict steps, global const float *restrict texture,
-                 global const float *restrict weights, global float *restrict result, int width, int height,
-                 int texture_width, int texture_height, int stride, int channel, int count, float step, float reach) {
-    const int first = get_global_id(0) * SEGMENT, row = get_global_id(1);
-    if (first >= width || row >= height) return;
-    const int edge = !(first > reach && first + SEGMENT + reach < width && row > reach && row + 1 + reach < height);
-    const float fw = width, fh = height, scale_x = (float)texture_width / (float)width, scale_y = (float)texture_height / (float)height;
-
-    int columns[SEGMENT];
-    float own[SEGMENT], sum[SEGMENT], weight[SEGMENT], x[SEGMENT], y[SEGMENT], u[SEGMENT], v[SEGMENT], alive[SEGMENT];
-    texture += channel;
-    for (int way = 0; way < 2; ++way) {
-        const float by = way ? -step : step;
-        EACH {
-            columns[i] = min(first + i, width - 1);
-            const Step s = steps[row * width + columns[i]];
-            x[i] = y[i] = 0.5f;
-            u[i] = step_x(s);
-            v[i] = step_y(s);
-            alive[i] = fma(u[i], u[i], v[i] * v[i]) > 0.0f ? 1.0f : 0.0f;
-            if (!way) {
-                own[i] = texture[TEXEL_AT((float)columns[i] + 0.5f, (float)row + 0.5f, row * width + columns[i])];
-                sum[i] = 0.0f;
-                weight[i] = weights[0];
-            }
-        }
-        for (int k = 1; k <= count; ++k) {
-            if (edge) EACH {
-                const float a = fma(by, u[i], x[i]), b = fma(by, v[i], y[i]);
-                const float left = (float)-columns[i], top = (float)-row;
-                const int stays = a >= left && a < left + fw && b >= top && b < top + fh;
-                alive[i] = stays ? alive[i] : 0.0f;
-                u[i] = stays ? u[i] : 0.0f;
-                v[i] = stays ? v[i] : 0.0f;
-            }
-            const float w = weights[k];
-            EACH {
-                x[i] = fma(by, u[i], x[i]);
-                y[i] = fma(by, v[i], y[i]);
-                int a = (int)x[i], b = (int)y[i];
-                a += columns[i] - (x[i] < (float)a);
-                b += row - (y[i] < (float)b);
-                const int cell = b * width + a;
-                const Step s = steps[cell];
-                const float next_u = step_x(s), next_v = step_y(s);
-                const float share = w * alive[i];
-                /* A line that has ended rests on a texel that it has read: weight zero times NaN is no news. */
-                const float texel = texture[TEXEL_AT((float)columns[i] + x[i], (float)row + y[i], cell)];
-                sum[i] = fma(share, texel - own[i], sum[i]);
-                weight[i] += share;
-                alive[i] = fma(next_u, u[i], next_v * v[i]) > 0.0f ? alive[i] : 0.0f;
-                u[i] = next_u;
-                v[i] = next_v;
-            }
-        }
-    }
-    EACH {
-        if (first + i >= width) break;
-        result[((size_t)row * width + first + i) * stride + channel] = own[i] + sum[i] / weight[i];
     }
 }

@@ -25,14 +25,14 @@ from __future__ import annotations
 import math
 from enum import StrEnum
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field
 
 from lichen.errors import Flaw
 from lichen.image import Alpha, Extent, Image, Space
-from lichen.memory import Array, aligned, aligned_empty
+from lichen.memory import Array
 from lichen.operation import (
     POINTWISE,
     ROUNDING,
@@ -49,9 +49,10 @@ from lichen.operation import (
 )
 from lichen.operations.tone import curves
 from lichen.operations.tone.curves import FLOAT_MAX, Curve, Direction, Form
-from lichen.operations.tone.evaluate import ceiling32, evaluate
+from lichen.operations.tone.evaluate import evaluate
 from lichen.operations.tone.tables import Table, tabulate
 from lichen.operations.tone.transfer_cases import CASES
+from lichen.operations.tone.transfer_launch import launch
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -278,55 +279,6 @@ def _bt1886(x: Array, p: Parameters) -> Array:
 # ---------------------------------------------------------------------------------------------------------- methods
 
 
-def constants(shape: Form) -> Array:
-    """The numbers that transfer.cl reads, float32, in its order."""
-    power, inner, outer = shape.exponent, shape.inner, shape.outer
-    if shape.body == "exponential":
-        power /= math.log(2)
-    elif shape.body == "logarithm":
-        outer *= math.log(2)
-    elif shape.body == "pq_decode":
-        power = 1 / curves.PQ_M1
-    elif shape.body == "pq_encode":
-        power, inner = curves.PQ_M1, inner**curves.PQ_M1
-    high = float(np.float32(power))
-    numbers = (
-        *(shape.shift, shape.offset, shape.toe_scale, float(ceiling32(shape.knee)), shape.floor),
-        *(inner, shape.lift, high, power - high, outer, shape.drop, curves.pq_ceiling_signal()),
-    )
-    return aligned(np.array(numbers, dtype=np.float32))
-
-
-def _body(shape: Form) -> str:
-    """The function of transfer.cl: beside a toe a power needs no care for zero, and one of its two sums is empty."""
-    if shape.body != "power" or shape.knee <= 0:
-        return shape.body
-    return "power_of_sum" if shape.lift else "sum_of_power"
-
-
-def _launch(device: Device, image: Image, p: Parameters, kernel: str, *arguments: Any) -> Array:
-    shape = form(p)
-    source = aligned(image.pixels)
-    out = aligned_empty(source.shape)
-    coverage = image.channels if image.alpha is not Alpha.NONE else 0
-    defines: dict[str, int | float | str] = {
-        "BODY": _body(shape),
-        "TOE": shape.toe,
-        "GAPPED": int(shape.floor > -math.inf),
-        "SHIFTED": int(shape.offset != 0),
-        "CLAMPED": int(p.clamped),
-        "COVERAGE": coverage,
-    }
-    samples = source.size
-    with device.session() as session:
-        session.launch(
-            "tone/transfer.cl", kernel, (-(-samples // 16),),
-            source, session.write(out), constants(shape), *arguments, np.uint64(samples),
-            defines=defines,
-        )  # fmt: skip
-    return out
-
-
 def _numpy(image: Image, p: Parameters, table: Table | None) -> Array:
     out = evaluate(image.pixels, form(p), clamped=p.clamped, table=table)
     if image.alpha is not Alpha.NONE:
@@ -374,7 +326,7 @@ class Exact:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return _launch(device, inputs["image"], parameters, "exact")
+        return launch(device, inputs["image"], form(parameters), parameters.clamped, "exact")
 
     @staticmethod
     def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
@@ -409,7 +361,7 @@ class Interpolated:
     def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
         table = tabulate(form(parameters), round(knob))
         bits = (np.int32(table.first), np.int32(table.last), np.int32(table.shift))
-        return _launch(device, inputs["image"], parameters, "table", table.nodes, *bits)
+        return launch(device, inputs["image"], form(parameters), parameters.clamped, "table", table.nodes, *bits)
 
     @staticmethod
     def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
