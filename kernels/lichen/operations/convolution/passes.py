@@ -6,9 +6,12 @@ kernel longer than the image is folded onto it by the border rule, which is exac
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import as_strided
 
 from lichen.image import Image
 from lichen.memory import Array, aligned, aligned_empty
@@ -28,14 +31,33 @@ def folded(weights: Vector, size: int, border: Border) -> tuple[Vector, Vector]:
     taps = taps % period if period else np.clip(taps, -size, size)
     lowest = int(taps.min())
     merged = np.bincount(taps - lowest, weights)
+    # Row i of the unfolded matrix holds `merged` from column i on; it is a view, since most of it is zero.
+    padded = np.pad(merged, size - 1)
+    width, item = len(merged) + size - 1, padded.itemsize
+    unfolded = as_strided(padded[size - 1 :], (size, width), (-item, item), writeable=False)
     matrix, constant = np.zeros((size, size)), np.zeros(size)
-    rows = np.arange(size)
-    for tap, weight in enumerate(merged, lowest):
-        at = continued(rows + tap, size, border)
-        inside = at != OUTSIDE
-        matrix[rows[inside], at[inside]] += weight
-        constant[~inside] += weight
+    for run, first, step in _runs(continued(np.arange(lowest, lowest + width), size, border), size):
+        part = unfolded[:, run]
+        if first == OUTSIDE:
+            constant += part.sum(axis=1)
+        elif step:
+            last = first + step * (part.shape[1] - 1)
+            matrix[:, min(first, last) : max(first, last) + 1] += part[:, ::step]
+        else:
+            matrix[:, first] += part.sum(axis=1)
     return matrix, constant
+
+
+def _runs(at: npt.NDArray[np.int64], size: int) -> Iterator[tuple[slice, int, int]]:
+    """Stretches of `at` that rise by 1, fall by 1 or stand: where they lie, their first value and their step."""
+    apart = np.diff(np.where(at == OUTSIDE, size + 1, at))  # so that what lies outside is nobody's neighbour
+    start = 0
+    while start < len(at):
+        step = int(apart[start]) if start < len(apart) and abs(apart[start]) <= 1 else 1
+        others = np.flatnonzero(apart[start:] != step)
+        end = start + 1 + (int(others[0]) if len(others) else len(apart) - start)
+        yield slice(start, end), int(at[start]), step
+        start = end
 
 
 STRIP, BAND, CHUNK, RUN = 32, 64, 128, 1024  # as in passes.cl and products.cl
