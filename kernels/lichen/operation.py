@@ -85,11 +85,16 @@ class Input:
 class Footprint:
     """The output pixel (x, y) depends on inputs within `rows` above and below and `columns` left and right.
 
-    None means the whole extent in that direction.
+    None means the whole extent in that direction. Where the image `wraps`, distances are taken around its edges.
     """
 
     rows: int | None
     columns: int | None
+    wraps: bool = False
+
+    @property
+    def sides(self) -> tuple[int | None, int | None]:
+        return self.rows, self.columns
 
 
 POINTWISE = Footprint(0, 0)
@@ -265,12 +270,18 @@ class Operation(Generic[P]):
     """facts of the output; its extent must contain every finite output value"""
     propagate: Callable[[P, InputFacts, float], float] = lambda parameters, facts, error: error
     """the largest change of the output when the pictures change by at most `error` (the modulus of continuity)"""
+    implied: Callable[[P, InputFacts], Mapping[str, Array] | str] = lambda parameters, facts: {}
+    """inputs by name that were left out and depend on where a pixel lies: with them, crops of the inputs as large as the
+    footprint give the crop of the result. Text says why nothing makes them do so."""
     inverse: Callable[[P], P | None] = lambda parameters: None
     """parameters with which this operation undoes itself, or None"""
     wants_alpha: Alpha | None = None
     """the kind of alpha the definition holds for, where the input has one; None: alpha is a channel like the others"""
     check: Callable[[P, InputFacts], list[Flaw]] = lambda parameters, facts: []
     """flaws that only parameters and inputs together show, found before any pixel is computed"""
+    customary: tuple[str, float] | None = None
+    """the method and knob that the field takes for granted: run where a caller asks for nothing and no method's error
+    lies below what the output could show; the most accurate where nothing is declared"""
     examples: tuple[Mapping[str, Any], ...] = ({},)
     """parameter sets that show what it does; tests, benchmarks and documentation run all of them"""
     hard_cases: tuple[HardCase, ...] = ()
@@ -308,6 +319,11 @@ class Operation(Generic[P]):
             raise TypeError(f"operation {self.name} declares no truth")
         doubled = {name: image.replace(pixels=image.pixels.astype(np.float64)) for name, image in inputs.items()}
         return self._truth(doubled, parameters)
+
+    def truth_seconds(self, parameters: P, facts: InputFacts) -> float:
+        """A guess at the time that `evaluate_truth` takes: ten times that of the dearest method on NumPy."""
+        settings = [(each, each.knob.values[-1] if each.knob else 0.0) for each in self.methods.values()]
+        return 10 * max(method.seconds("numpy", parameters, knob, facts) for method, knob in settings)
 
     @property
     def knobs(self) -> dict[str, Knob]:

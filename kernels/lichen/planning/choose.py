@@ -6,7 +6,8 @@ own method's error is added. The caller's wish decides:
 * `max_error`: the cheapest choice whose predicted error meets it;
 * `max_ms`: the most accurate choice that fits; with both, the cheapest within both;
 * neither: the cheapest choice whose largest error, float32 rounding aside, lies below a quarter of the output's
-  quantum; where none does, the cheapest whose typical error does; where none does either, the most accurate;
+  quantum; where none does, the cheapest whose typical error does; where none does either, the operation's customary
+  method, or the most accurate;
 * `method` and knobs narrow the candidates of the node they name.
 
 Nothing that meets the request is `Unattainable`, with the best that can be had; it is never missed silently.
@@ -15,7 +16,7 @@ Nothing that meets the request is `Unattainable`, with the best that can be had;
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import product
 from typing import Literal
@@ -151,7 +152,7 @@ def _within_error(
                 limit=best.value,
                 actual=target,
             )
-        return choices
+        return {node.name: _customary(node, usable[node.name]) or choices[node.name] for node in graph.nodes}
     for name in sorted(choices, key=lambda name: -choices[name].seconds):
         for offer in sorted(usable[name], key=lambda offer: (offer.seconds, offer.error.value)):
             trial = {**choices, name: offer}
@@ -159,6 +160,11 @@ def _within_error(
                 choices = trial
                 break
     return choices
+
+
+def _customary(node: Node, offers: Sequence[Candidate]) -> Candidate | None:
+    """The candidate that the operation declares as customary, if it is among those that the request leaves."""
+    return next((offer for offer in offers if (offer.method, offer.knob) == node.operation.customary), None)
 
 
 def _by_error(measure: Callable[[Error], float], offer: Candidate) -> tuple[float, float, float]:
@@ -212,4 +218,4 @@ def _reason(request: Request, target: float) -> str:
         return f"most accurate within {request.max_ms:g} ms"
     if request.max_error is not None:
         return f"cheapest within an error of {target:g}"
-    return f"cheapest within a quarter of the output's quantum, {target:.3g}, or else the most accurate"
+    return f"cheapest within a quarter of the output's quantum, {target:.3g}, or else the customary"

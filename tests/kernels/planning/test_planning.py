@@ -146,3 +146,10 @@ def test_linear_light_gives_the_mean_of_light() -> None:
     image = Image(np.repeat(board, 3, 2), Space.SRGB)
     result = lichen.run("gaussian", image, sigma=20, border="wrap")
     np.testing.assert_allclose(result.image.pixels * 255, 187.516, atol=0.01)
+
+
+def test_where_nothing_meets_the_quantum_the_customary_method_runs() -> None:
+    """White noise along any field: no method can promise a quarter of a code."""
+    field = np.ones((32, 32, 2), np.float32)
+    assert lichen.explain("lic", field, storage="uint8").method == "rk2; step=1"
+    assert lichen.explain("lic", field, storage="uint8", method="rk4").method == "rk4; step=0.25"

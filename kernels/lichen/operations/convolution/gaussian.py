@@ -120,8 +120,10 @@ def _dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
 
 
 def _footprint(p: Parameters, facts: InputFacts) -> Footprint:
-    radius = fir_radius(p.sigma, 1e-7)[0]
-    return Footprint(min(radius, facts["image"].height), min(radius, facts["image"].width))
+    """As far as the kernel changes anything in float64."""
+    radius = len(half_kernel(p.sigma)) - 1
+    image = facts["image"]
+    return Footprint(min(radius, image.height), min(radius, image.width), wraps=p.border is Border.WRAP)
 
 
 # -------------------------------------------------------------------------------------------------------- operation

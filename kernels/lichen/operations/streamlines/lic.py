@@ -174,6 +174,14 @@ def footprint(p: Parameters, facts: InputFacts) -> Footprint:
     return halo(math.ceil(far) + 1)
 
 
+def implied(p: Parameters, facts: InputFacts) -> Mapping[str, Array] | str:
+    """The noise that stands in for a texture. By time, truth follows the fastest vector of the field in its steps."""
+    if p.speed is Speed.FIELD:
+        return "the steps of truth depend on the fastest vector of the whole field"
+    field = facts["field"]
+    return {} if "texture" in facts else {"texture": noise(field.height, field.width, p.seed)}
+
+
 def check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     result = result_facts(p, facts)
     if max(result.samples, texture_facts(facts).samples) < 2**31:
@@ -197,7 +205,9 @@ lic = Operation(
     wants_alpha=Alpha.ASSOCIATED,
     footprint=footprint,
     result=result_facts,
+    implied=implied,
     check=check,
+    customary=("rk2", 1.0),
     hard_cases=HARD_CASES,
     examples=(
         {"length": 10},
