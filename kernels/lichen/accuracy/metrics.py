@@ -2,17 +2,29 @@
 
 Differences are taken over all samples, borders included. Where either side is NaN or infinite there is no difference
 to take: such samples are counted apart, as mismatches unless both sides hold the same. Colour of straight images
-counts as it shows, multiplied by its coverage; under none it has no visible value.
+counts as it shows, each side multiplied by its own coverage: under none it has no visible value, and a picture is as
+far from another as their associated forms are.
+
+* `difference`: largest, p99.9 and RMS, in output units; `regions` takes them apart at the border.
+* `steps`: between the numbers a storage holds: code values of integers, neighbours of floats.
+* `ulps`: in units in the last place of float32, before any storage.
+* `psnr`: the mean square against a peak that the caller states; never a figure by itself.
+
+What a viewer sees is in `accuracy.colour`.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from lichen.image import Alpha
+from lichen.files.samples import to_storage
+from lichen.image import Alpha, Storage
 from lichen.memory import Array
+from lichen.operation import Footprint
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +37,25 @@ class Difference:
     rms: float
     mismatched: int
     """samples that are non-finite on one side, or differently so on both"""
+    sampled: float = 1.0
+    """the share of the pixels that were compared"""
+
+
+class Regions(NamedTuple):
+    """Differences where the border has a part in the result, and where it has none; None for an empty region."""
+
+    border: Difference | None
+    inside: Difference | None
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Differences counted in numbers that a storage can hold."""
+
+    largest: int
+    differing: float
+    """the share of the samples that are not stored alike"""
+    mismatched: int
 
 
 def difference(pixels: Array, truth: Array, alpha: Alpha = Alpha.NONE) -> Difference:
@@ -34,18 +65,106 @@ def difference(pixels: Array, truth: Array, alpha: Alpha = Alpha.NONE) -> Differ
     >>> difference(np.ones((2, 2, 1)), np.zeros((2, 2, 1))).largest
     1.0
     """
-    if pixels.shape != truth.shape:
-        raise ValueError(f"shapes differ: {pixels.shape} and {truth.shape}")
-    with np.errstate(all="ignore"):
-        apart = np.abs(pixels.astype(np.float64) - truth)
-        if alpha is Alpha.STRAIGHT:
-            apart[..., :-1] *= np.abs(truth[..., -1:])
-    finite = np.isfinite(pixels) & np.isfinite(truth)
-    same = (pixels == truth) | (np.isnan(pixels) & np.isnan(truth))
-    mismatched = int(np.count_nonzero(~finite & ~same))
-    taken = apart[finite]
+    apart, mismatched = deviations(pixels, truth, alpha)
+    taken = apart[~np.isnan(apart)]
     if not taken.size:
         return Difference(0.0, 0.0, 0.0, mismatched)
     return Difference(
         float(taken.max()), float(np.quantile(taken, 0.999)), float(np.sqrt(np.mean(np.square(taken)))), mismatched
     )
+
+
+def deviations(pixels: Array, truth: Array, alpha: Alpha = Alpha.NONE) -> tuple[Array, int]:
+    """Absolute differences of all samples, float64, NaN where either side is not finite; and how many mismatch."""
+    if pixels.shape != truth.shape:
+        raise ValueError(f"shapes differ: {pixels.shape} and {truth.shape}")
+    with np.errstate(all="ignore"):
+        shown, exact = visible(pixels, alpha), visible(truth, alpha)
+        apart = np.abs(shown - exact)
+    finite = np.isfinite(shown) & np.isfinite(exact)
+    if finite.all():
+        return apart, 0
+    same = (shown == exact) | (np.isnan(shown) & np.isnan(exact))
+    apart[~finite] = np.nan
+    return apart, int(np.count_nonzero(~finite & ~same))
+
+
+def visible(pixels: Array, alpha: Alpha) -> Array:
+    """float64, with colour of a straight image multiplied by its coverage."""
+    doubled = pixels.astype(np.float64)
+    if alpha is Alpha.STRAIGHT:
+        doubled[..., :-1] *= doubled[..., -1:]
+    return doubled
+
+
+def regions(pixels: Array, truth: Array, footprint: Footprint, alpha: Alpha = Alpha.NONE) -> Regions:
+    """The difference in the outer ring, as wide as the footprint, and inside it.
+
+    >>> import numpy as np
+    >>> wrong = np.pad(np.zeros((4, 4, 1)), ((1, 1), (1, 1), (0, 0)), constant_values=2.0)
+    >>> border, inside = regions(wrong, np.zeros((6, 6, 1)), Footprint(1, 1))
+    >>> border.largest, inside.largest
+    (2.0, 0.0)
+    """
+    height, width = pixels.shape[:2]
+    rows, columns = (
+        size if reach is None else reach for reach, size in zip(footprint.sides, (height, width), strict=True)
+    )
+    ring = np.ones((height, width), bool)
+    ring[rows : max(height - rows, rows), columns : max(width - columns, columns)] = False
+
+    def within(mask: Array) -> Difference | None:
+        # One row of pixels is an image like any other to the figures.
+        return difference(pixels[mask][np.newaxis], truth[mask][np.newaxis], alpha) if mask.any() else None
+
+    return Regions(within(ring), within(~ring))
+
+
+def steps(pixels: Array, truth: Array, storage: Storage) -> Steps:
+    """How many numbers of `storage` lie between result and truth once both are stored: code values of integers.
+
+    >>> import numpy as np
+    >>> steps(np.full((1, 1, 1), 0.5), np.full((1, 1, 1), 0.51), Storage.UINT8).largest
+    2
+    """
+    unlike = ~np.isfinite(pixels) | ~np.isfinite(truth)
+    same = (pixels == truth) | (np.isnan(pixels) & np.isnan(truth))
+    with np.errstate(all="ignore"):
+        made, exact = (_ranked(to_storage(np.ascontiguousarray(each), storage)[0]) for each in (pixels, truth))
+        apart = np.where(made > exact, made - exact, exact - made)
+    apart[unlike] = 0
+    return Steps(int(apart.max(initial=0)), float(np.mean(apart != 0)), int(np.count_nonzero(unlike & ~same)))
+
+
+def _ranked(samples: Array) -> Array:
+    """Samples as integers in their order; neighbours among floats are one apart."""
+    if samples.dtype.kind != "f":
+        return samples.astype(np.int64)
+    bits = samples.view(f"i{samples.dtype.itemsize}").astype(np.int64)
+    lowest = np.int64(-(2 ** (8 * samples.dtype.itemsize - 1)))
+    ranked: Array = np.where(bits < 0, lowest - bits, bits)
+    return ranked
+
+
+def ulps(pixels: Array, truth: Array) -> float:
+    """The largest difference in units in the last place of truth as float32, over finite samples.
+
+    Subnormal truths count in the smallest normal unit. Meant for pointwise results: a sum over pixels is small by
+    cancellation somewhere, and there no float32 evaluation has few ULP.
+
+    >>> import numpy as np
+    >>> ulps(np.ones((1, 1, 1)), np.full((1, 1, 1), 1 + 2.0**-23))
+    1.0
+    """
+    finite = np.isfinite(pixels) & np.isfinite(truth)
+    exact = truth[finite].astype(np.float64)
+    unit = np.ldexp(1.0, np.maximum(np.frexp(exact)[1], -125) - 24)
+    return float(np.max(np.abs(pixels[finite] - exact) / unit, initial=0.0))
+
+
+def psnr(pixels: Array, truth: Array, peak: float, alpha: Alpha = Alpha.NONE) -> float:
+    """Peak signal-to-noise ratio in dB for the stated `peak`; infinite for equal images, NaN where samples mismatch."""
+    found = difference(pixels, truth, alpha)
+    if found.mismatched:
+        return math.nan
+    return 20 * math.log10(peak / found.rms) if found.rms else math.inf
