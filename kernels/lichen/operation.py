@@ -149,10 +149,10 @@ class Error:
     """The largest absolute difference from truth, in output units, over all finite pixels, borders included.
 
     `kind` says how it is known: a `bound` is proved, an `estimate` comes from a calibration corpus, and a `measured`
-    error was found on this very image. `rounding` is the part of `value` that is the rounding of float32 arithmetic:
-    what a caller who asks for nothing accepts anyway. Underflow is not counted: no difference below the smallest normal
-    float32 breaks a bound. `typical` is the RMS error to expect, where a corpus gave one: it ranks methods whose worst
-    case no proof separates.
+    error was found on this very image. `rounding` is the part of `value` that is the rounding of float32 arithmetic, or
+    of the precision that values are to be kept in: what a caller who asks for nothing else accepts anyway. Underflow is
+    not counted: no difference below the smallest normal float32 breaks a bound. `typical` is the RMS error to expect,
+    where a corpus gave one: it ranks methods whose worst case no proof separates.
     """
 
     value: float
@@ -271,8 +271,8 @@ class Operation(Generic[P]):
     propagate: Callable[[P, InputFacts, float], float] = lambda parameters, facts, error: error
     """the largest change of the output when the pictures change by at most `error` (the modulus of continuity)"""
     implied: Callable[[P, InputFacts], Mapping[str, Array] | str] = lambda parameters, facts: {}
-    """inputs by name that were left out and depend on where a pixel lies: with them, crops of the inputs as large as the
-    footprint give the crop of the result. Text says why nothing makes them do so."""
+    """inputs by name that were left out and depend on where a pixel lies: with them, crops of the inputs, wider by the
+    footprint, give the crop of the result. Text says why nothing makes them do so."""
     inverse: Callable[[P], P | None] = lambda parameters: None
     """parameters with which this operation undoes itself, or None"""
     wants_alpha: Alpha | None = None

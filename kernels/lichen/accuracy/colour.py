@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lichen.accuracy.metrics import visible
-from lichen.image import Alpha, Image, Space
+from lichen.image import Image, Space
 from lichen.memory import Array
 
 PIXELS_PER_DEGREE = 67.0
@@ -136,7 +136,8 @@ def delta_e(first: Array, second: Array) -> Array:
 def _saturation(chroma: Array) -> Array:
     """sqrt(C^7 / (C^7 + 25^7)), written so that C^7 cannot overflow and 0 / 0 does not come up."""
     with np.errstate(over="ignore", divide="ignore"):
-        return 1 / np.sqrt(1 + (25 / chroma) ** 7)
+        share: Array = 1 / np.sqrt(1 + (25 / chroma) ** 7)
+    return share
 
 
 # ------------------------------------------------------------------------------------------------------------- FLIP
@@ -163,7 +164,8 @@ def _ycxcz(light: Array) -> Array:
 def _light_of(opponent: Array) -> Array:
     y = (opponent[..., 0] + 16) / 116
     ratio = np.stack([y + opponent[..., 1] / 500, y, y - opponent[..., 2] / 200], axis=-1)
-    return np.clip((ratio * WHITE) @ np.linalg.inv(TO_XYZ).T, 0, 1)
+    light: Array = np.clip((ratio * WHITE) @ np.linalg.inv(TO_XYZ).T, 0, 1)
+    return light
 
 
 def _filtered(opponent: Array, ppd: float) -> Array:
@@ -234,4 +236,5 @@ def _features(first: Array, second: Array, ppd: float) -> Array:
 
 def _balanced(kernel: Array) -> Array:
     """Positive weights that sum to 1 and negative ones that sum to -1."""
-    return np.where(kernel > 0, kernel / kernel[kernel > 0].sum(), -kernel / kernel[kernel < 0].sum())
+    sides: Array = np.where(kernel > 0, kernel / kernel[kernel > 0].sum(), -kernel / kernel[kernel < 0].sum())
+    return sides

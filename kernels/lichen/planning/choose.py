@@ -21,6 +21,7 @@ from functools import partial
 from itertools import product
 from typing import Literal
 
+from lichen.accuracy.precision import Precision, visible_storing_error
 from lichen.errors import Flaw, InvalidRequest, Unattainable, nearest
 from lichen.image import Storage
 from lichen.operation import EXACT, Error, Facts
@@ -32,7 +33,8 @@ Choices = Mapping[str, Candidate]
 def choose(graph: Graph, request: Request) -> Graph:
     """Every node with its choice and the alternatives it was chosen from. Raises `InvalidRequest`, `Unattainable`."""
     facts = graph.facts()
-    offers = {node.name: _candidates(node, facts, request) for node in graph.nodes}
+    candidates = _definition if graph.precision is Precision.FLOAT64 else _candidates
+    offers = {node.name: candidates(node, facts, request) for node in graph.nodes}
     target = _target(facts[graph.output], request)
     usable = {name: [offer for offer in offered if offer.unfit is None] for name, offered in offers.items()}
     for node in graph.nodes:
@@ -53,8 +55,11 @@ def choose(graph: Graph, request: Request) -> Graph:
 
 
 def total_error(graph: Graph, facts: Mapping[str, Facts], choices: Choices) -> Error:
-    """Predicted error of the output, with every node by its choice."""
-    reached: dict[str, Error] = dict.fromkeys(graph.sources, EXACT)
+    """Predicted error of the output, with every node by its choice.
+
+    What reaches an input that is data passes through no modulus: the result is then known by its range alone.
+    """
+    reached = {name: _kept(EXACT, known, graph.precision) for name, known in graph.sources.items()}
     for node in graph.nodes:
         own, known = choices[node.name].error, inputs_of(node, facts)
         arriving = [reached[source] for source in node.inputs.values()]
@@ -67,12 +72,33 @@ def total_error(graph: Graph, facts: Mapping[str, Facts], choices: Choices) -> E
         usual = max((error.usual for error in arriving), default=0.0)
         usual = node.operation.propagate(node.parameters, known, usual) if usual else 0.0
         kind: Literal["bound", "estimate"] = "bound" if proved else "estimate"
-        reached[node.name] = Error(value + own.value, kind, rounding + own.rounding, usual + own.usual)
+        if any(reached[node.inputs[key]].value for key in _data(node)):
+            value = facts[node.name].extent.spread
+        made = Error(value + own.value, kind, rounding + own.rounding, usual + own.usual)
+        reached[node.name] = _kept(made, facts[node.name], graph.precision, own.rounding)
     return reached[graph.output]
+
+
+def _data(node: Node) -> list[str]:
+    """The inputs of a node that are no pictures."""
+    return [each.name for each in node.operation.inputs if not each.picture and each.name in node.inputs]
+
+
+def _kept(error: Error, facts: Facts, precision: Precision, slack: float = 0.0) -> Error:
+    """The error once the value is stored; the value strays from its facts by at most `slack`."""
+    if precision.lossless:
+        return error
+    added = visible_storing_error(facts, precision, slack)
+    return Error(error.value + added, error.kind, error.rounding + added, error.usual + added)
 
 
 def total_seconds(graph: Graph, choices: Choices) -> float:
     return sum(choices[node.name].seconds for node in graph.nodes)
+
+
+def _definition(node: Node, facts: Mapping[str, Facts], request: Request) -> list[Candidate]:
+    """Truth itself, in doubles: what remains where no method is precise enough."""
+    return [Candidate("truth", None, EXACT, node.operation.truth_seconds(node.parameters, inputs_of(node, facts)))]
 
 
 def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> list[Candidate]:

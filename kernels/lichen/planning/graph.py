@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from lichen.accuracy.precision import Precision, keeping
 from lichen.image import Alpha, Space, Storage
 from lichen.operation import Error, Facts, Operation, OperationParameters, Rate
 
@@ -91,12 +92,15 @@ class Graph:
     nodes: tuple[Node, ...]
     output: str
     decisions: tuple[Decision, ...] = ()
+    precision: Precision = Precision.FLOAT32
+    """in which sources and results are kept"""
 
     def facts(self) -> dict[str, Facts]:
         """Facts of every source and node, forward through the graph."""
-        known = dict(self.sources)
+        known = {name: keeping(facts, self.precision) for name, facts in self.sources.items()}
         for node in self.nodes:
-            known[node.name] = node.operation.result(node.parameters, inputs_of(node, known))
+            made = node.operation.result(node.parameters, inputs_of(node, known))
+            known[node.name] = keeping(made, self.precision)
         return known
 
     def node(self, name: str) -> Node | None:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from lichen.operation import EXACT, Error
+from lichen.accuracy.precision import Precision
+from lichen.operation import Error
 from lichen.planning.choose import choose, total_error, total_seconds
 from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
 from lichen.planning.light import light
@@ -46,7 +47,7 @@ class Plan:
     @cached_property
     def error(self) -> Error:
         """Predicted error of the output."""
-        return total_error(self.graph, self.graph.facts(), self._choices) if self.nodes else EXACT
+        return total_error(self.graph, self.graph.facts(), self._choices)
 
     @property
     def seconds(self) -> float:
@@ -59,19 +60,24 @@ class Plan:
         node = self.graph.node(self.request.target)
         if node is None or node.choice is None:
             return "identity"
+        if node.choice.knob is None:
+            return node.choice.method
         knob = node.operation.methods[node.choice.method].knob
-        return node.choice.method if knob is None else f"{node.choice.method}; {knob.name}={node.choice.knob:g}"
+        assert knob is not None, "only knobs have settings"
+        return f"{node.choice.method}; {knob.name}={node.choice.knob:g}"
 
     @cached_property
     def digest(self) -> str:
         """Hexadecimal SHA-256 of all that decides the bytes of the result, the pixels aside."""
-        said = [ENGINE_VERSION, self.request.backend, self.graph.output, [_node_to_json(node) for node in self.nodes]]
+        nodes = [_node_to_json(node) for node in self.nodes]
+        said = [ENGINE_VERSION, self.request.backend, self.graph.precision, self.graph.output, nodes]
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> dict[str, Any]:
         """The plan as JSON values: nodes, choices, alternatives with why they were not taken, decisions."""
         return {
             "device": self.request.backend,
+            "precision": self.graph.precision,
             "method": self.method,
             "error": {"value": self.error.value, "kind": self.error.kind, "metric": "max"},
             "milliseconds": self.seconds * 1e3,
@@ -89,7 +95,21 @@ def make_plan(graph: Graph, request: Request) -> Plan:
     """Run the passes. Raises what they raise: `InvalidRequest`, `Unattainable`."""
     for step in (*PRUNING, *NEEDED) if request.prune else NEEDED:
         graph = step(graph, request)
-    return Plan(graph, request)
+    return Plan(graph.deciding(_storing(graph)), request)
+
+
+def _storing(graph: Graph) -> list[Decision]:
+    """The decision that says what keeping values in another precision than computed costs."""
+    precision = graph.precision
+    if precision is Precision.FLOAT32:
+        return []
+    if precision.lossless:
+        return [Decision("precision", "*", "evaluated by definition", "float64 asks for nothing less")]
+    choices = {node.name: node.choice for node in graph.nodes if node.choice is not None}
+    stored = total_error(graph, graph.facts(), choices).value
+    computed = graph.replace(precision=Precision.FLOAT32)
+    bound = max(stored - total_error(computed, computed.facts(), choices).value, 0.0)
+    return [Decision("precision", "*", f"kept in {precision}", "inputs and every result are stored in it", bound)]
 
 
 def _node_to_json(node: Node) -> dict[str, Any]:

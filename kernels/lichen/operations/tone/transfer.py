@@ -167,8 +167,12 @@ def _space(p: Parameters, space: Space) -> Space:
 
 def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
     image = facts["image"]
-    change = form(p).modulus(*_bounds(p, image), error)
-    return change if image.alpha is Alpha.NONE else max(change, error)
+    if image.alpha is Alpha.NONE:
+        return form(p).modulus(*_bounds(p, image), error)
+    # Colour counts multiplied by its coverage a. With |c'a' - ca| and |a' - a| at most e, (c' - c) a' is at most
+    # (1 + |c|) e, and f(c')a' - f(c)a = (f(c') - f(c)) a' + f(c) (a' - a).
+    colour, result = image.extent.magnitude, _result(p, facts).extent.magnitude
+    return max(form(p).modulus(*_bounds(p, image), (1 + colour) * error) + result * error, error)
 
 
 def _inverse(p: Parameters) -> Parameters | None:

@@ -1,0 +1,153 @@
+"""How fast the methods are on this machine: what calibration found, kept in the cache folder.
+
+A method's time is start + step x work, and operations declare both numbers as they were on some machine. Those of this
+one take their place once calibration has measured them: a small JSON file for each backend, whose name stands for all
+that times depend on (processor, their number, device, runtime, this library's kernels). A file written for anything
+else is never looked at, so nothing goes stale; one that cannot be read counts as none. `LICHEN_TIMES` names another
+folder.
+
+`current` costs one look at the file's date, so a process sees what another one has measured.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import math
+import os
+import platform
+import tempfile
+import threading
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import platformdirs
+
+from lichen.opencl.device import default_device
+from lichen.opencl.processors import processors
+from lichen.operation import Rate
+
+Rates = Mapping[tuple[str, str], Rate]
+"""By operation and method."""
+
+_log = logging.getLogger("lichen")
+_NONE: Rates = MappingProxyType({})
+_PACKAGE = Path(__file__).resolve().parents[1]
+_lock = threading.Lock()
+_kept: dict[Path, tuple[tuple[int, int], Rates]] = {}
+"""What was read, by file, with the date and the size of the file it was read from."""
+
+
+def current(backend: str) -> Rates:
+    """The rates measured on this machine for `backend` (opencl or numpy); empty where nothing was measured."""
+    path = path_of(backend)
+    try:
+        found = path.stat()
+    except OSError:
+        return _NONE
+    stamp = (found.st_mtime_ns, found.st_size)
+    with _lock:
+        kept = _kept.get(path)
+    if kept is None or kept[0] != stamp:
+        kept = (stamp, _read(path))
+        with _lock:
+            _kept[path] = kept
+    return kept[1]
+
+
+def store(backend: str, rates: Rates) -> Path | None:
+    """Keep `rates` beside those already known, which they replace; None where the folder cannot be written."""
+    path = path_of(backend)
+    merged = {**current(backend), **rates}
+    listed = [[*name, rate.start, rate.step] for name, rate in sorted(merged.items())]
+    return path if write(path, json.dumps({"machine": machine(backend), "rates": listed}, indent=1)) else None
+
+
+def write(path: Path, text: str) -> bool:
+    """The whole text or nothing: written beside, then moved into place. False where that is not possible."""
+    spare = None
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False) as file:
+            spare = file.name
+            file.write(text)
+        os.replace(spare, path)
+    except OSError as failure:
+        if spare is not None:
+            Path(spare).unlink(missing_ok=True)
+        _log.warning("%s cannot be written (%s); measured times last as long as this process", path, failure.strerror)
+        return False
+    return True
+
+
+def folder() -> Path:
+    named = os.environ.get("LICHEN_TIMES")
+    return Path(named) if named else platformdirs.user_cache_path("lichen") / "times"
+
+
+def path_of(backend: str) -> Path:
+    """Where the rates of `backend` on this machine are kept."""
+    return folder() / f"{_name(backend)}.json"
+
+
+@cache
+def _name(backend: str) -> str:
+    return f"{backend}-{hashlib.sha256(json.dumps(machine(backend)).encode()).hexdigest()[:16]}"
+
+
+@cache
+def machine(backend: str) -> Mapping[str, Any]:
+    """All that times on `backend` depend on."""
+    device = default_device() if backend == "opencl" else None
+    known: dict[str, Any] = {
+        "backend": backend,
+        "processor": processor(),
+        "processors": processors(),
+        "kernels": _digest_of_kernels(),
+    }
+    if backend == "numpy":
+        known["numpy"] = np.__version__
+    if device is not None:
+        known |= {"device": device.name, "runtime": device.runtime, "units": device.compute_units}
+    return known
+
+
+def processor() -> str:
+    """The processor's name as the system gives it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor() or platform.machine())
+
+
+def _digest_of_kernels() -> str:
+    """Stands for the source of everything that is timed, and for the units in which work is counted."""
+    digest = hashlib.sha256()
+    for part in ("operations", "opencl"):
+        for path in sorted((_PACKAGE / part).rglob("*")):
+            if path.suffix in (".py", ".cl", ".clh"):
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _read(path: Path) -> Rates:
+    """What a file holds; nothing where it is not one of ours."""
+    try:
+        listed = json.loads(path.read_text())["rates"]
+        rates = {(str(o), str(m)): Rate(float(start), float(step)) for o, m, start, step in listed}
+    except (OSError, ValueError, TypeError, KeyError) as failure:
+        _log.warning("%s is left aside: %s", path, failure)
+        return _NONE
+    sound = {name: rate for name, rate in rates.items() if _sound(rate)}
+    return MappingProxyType(sound)
+
+
+def _sound(rate: Rate) -> bool:
+    return all(math.isfinite(number) and number >= 0 for number in (rate.start, rate.step)) and rate.step > 0
