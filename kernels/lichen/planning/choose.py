@@ -35,7 +35,7 @@ def choose(graph: Graph, request: Request) -> Graph:
     facts = graph.facts()
     candidates = _definition if graph.precision is Precision.FLOAT64 else _candidates
     offers = {node.name: candidates(node, facts, request) for node in graph.nodes}
-    target = _target(facts[graph.output], request)
+    target = target_error(facts[graph.output], request)
     usable = {name: [offer for offer in offered if offer.unfit is None] for name, offered in offers.items()}
     for node in graph.nodes:
         if not usable[node.name]:
@@ -136,7 +136,7 @@ def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> lis
     return offers
 
 
-def _target(output: Facts, request: Request) -> float:
+def target_error(output: Facts, request: Request) -> float:
     """The error asked for, or a quarter of the output's quantum."""
     if request.max_error is not None:
         return request.max_error
@@ -147,16 +147,14 @@ def _target(output: Facts, request: Request) -> float:
     return relative * magnitude
 
 
-def _largest(error: Error) -> float:
-    return error.value
-
-
-def _largest_but_rounding(error: Error) -> float:
-    return error.value - error.rounding
-
-
-def _typical_but_rounding(error: Error) -> float:
-    return error.usual - error.rounding
+def measures(request: Request) -> tuple[tuple[str, Callable[[Error], float]], ...]:
+    """The errors by which a choice may be good enough, with their names, the strictest first."""
+    if request.max_error is not None:
+        return (("an error", lambda error: error.value),)
+    return (
+        ("an error", lambda error: error.value - error.rounding),
+        ("a typical error", lambda error: error.usual - error.rounding),
+    )
 
 
 def _within_error(
@@ -164,7 +162,7 @@ def _within_error(
 ) -> Choices:
     """From the most accurate choice, dearest node first, to the cheapest candidates that still meet the target."""
     asked = request.max_error is not None
-    for measure in (_largest,) if asked else (_largest_but_rounding, _typical_but_rounding):
+    for _, measure in measures(request):
         order = partial(_by_error, measure)
         choices = {name: min(offers, key=order) for name, offers in usable.items()}
         best = total_error(graph, facts, choices)

@@ -15,6 +15,7 @@ from lichen.planning.choose import choose, total_error, total_seconds
 from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
 from lichen.planning.light import light
 from lichen.planning.prune import identity, unread
+from lichen.planning.verdicts import verdicts
 
 Pass = Callable[[Graph, Request], Graph]
 
@@ -81,14 +82,15 @@ class Plan:
             "method": self.method,
             "error": {"value": self.error.value, "kind": self.error.kind, "metric": "max"},
             "milliseconds": self.seconds * 1e3,
-            "nodes": [
-                {**_node_to_json(node), "alternatives": [_offer_to_json(node, offer) for offer in node.alternatives]}
-                for node in self.nodes
-            ],
+            "nodes": [{**_node_to_json(node), "alternatives": self._alternatives(node)} for node in self.nodes],
             "output": self.graph.output,
             "decisions": [decision.to_json() for decision in self.decisions],
             "digest": self.digest,
         }
+
+    def _alternatives(self, node: Node) -> list[dict[str, Any]]:
+        judged = zip(node.alternatives, verdicts(self.graph, self.request, node), strict=True)
+        return [_offer_to_json(offer, verdict) for offer, verdict in judged]
 
 
 def make_plan(graph: Graph, request: Request) -> Plan:
@@ -123,21 +125,13 @@ def _node_to_json(node: Node) -> dict[str, Any]:
     }
 
 
-def _offer_to_json(node: Node, offer: Candidate) -> dict[str, Any]:
-    taken = node.choice
-    if offer.unfit is not None:
-        verdict = f"not possible: {offer.unfit}"
-    elif taken is None or (offer.method, offer.knob) == (taken.method, taken.knob):
-        verdict = "taken"
-    elif offer.seconds >= taken.seconds:
-        verdict = "slower" if offer.error.value >= taken.error.value else "more accurate than asked, and slower"
-    else:
-        verdict = "faster, but less accurate than asked"
+def _offer_to_json(offer: Candidate, verdict: str) -> dict[str, Any]:
     return {
         "method": offer.method,
         "knob": offer.knob,
         "error": offer.error.value,
         "kind": offer.error.kind,
+        "typical": offer.error.typical,
         "milliseconds": offer.seconds * 1e3,
         "verdict": verdict,
     }

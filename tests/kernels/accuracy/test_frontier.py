@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,7 +27,7 @@ def test_the_front_is_what_nothing_dominates(costs: list[Cost]) -> None:
 @given(COSTS)
 def test_the_front_runs_from_fast_to_accurate(costs: list[Cost]) -> None:
     kept = [costs[i] for i in front(costs)]
-    assert all(a.seconds < b.seconds and a.error > b.error for a, b in zip(kept, kept[1:], strict=False))
+    assert all(a.seconds < b.seconds and a.error > b.error for a, b in pairwise(kept))
 
 
 @given(COSTS)
@@ -47,7 +48,7 @@ def test_what_is_worthwhile_is_on_the_front_and_reaches_as_far(costs: list[Cost]
     kept, chosen = front(costs), worthwhile(costs, gain=gain, saving=saving)
     assert [i for i in kept if i in chosen] == chosen
     assert chosen[-1:] == kept[-1:]
-    for a, b in zip(chosen, chosen[1:], strict=False):
+    for a, b in pairwise(chosen):
         assert costs[b].seconds > costs[a].seconds * (1 + saving)
         assert costs[b].error * gain <= costs[a].error or b == kept[-1]
 

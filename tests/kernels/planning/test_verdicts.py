@@ -1,0 +1,90 @@
+"""What a plan says of its alternatives is what the choice was made by."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lichen
+from lichen.planning.graph import Candidate
+from lichen.planning.plan import Plan
+from lichen.planning.verdicts import verdicts
+
+IMAGE = np.random.default_rng(0).random((96, 96, 3), dtype=np.float32)
+FIELD = IMAGE[..., :2] - np.float32(0.5)
+
+
+def judged(plan: Plan) -> dict[tuple[str, float | None], tuple[Candidate, str]]:
+    node = plan.graph.node(plan.request.target)
+    assert node is not None
+    found = verdicts(plan.graph, plan.request, node)
+    return {(each.method, each.knob): (each, said) for each, said in zip(node.alternatives, found, strict=True)}
+
+
+@pytest.mark.parametrize("max_error", [1e-2, 1e-3, 1e-4, 1e-5])
+def test_an_error_asked_for_divides_the_candidates(max_error: float) -> None:
+    plan = lichen.explain("gaussian", IMAGE, sigma=9, max_error=max_error)
+    for offer, said in judged(plan).values():
+        if offer.error.value > max_error:
+            assert said == f"not accurate enough: an error of {offer.error.value:.3g}, asked {max_error:.3g}"
+        else:
+            assert said == "taken" or said.startswith("accurate enough, but ")
+    assert [said for _, said in judged(plan).values()].count("taken") == 1
+
+
+def test_a_time_asked_for_divides_the_candidates() -> None:
+    slowest = max(offer.seconds for offer, _ in judged(lichen.explain("lic", FIELD, length=9)).values())
+    plan = lichen.explain("lic", FIELD, length=9, max_ms=slowest * 1e3 / 2)
+    for offer, said in judged(plan).values():
+        assert said.startswith("too slow: ") == (offer.seconds > slowest / 2)
+        typical = "fast enough, but less accurate as a rule: a typical error of "
+        assert said == "taken" or said.startswith(("too slow: ", typical, "fast enough, but no more accurate"))
+
+
+def test_time_and_error_together_name_what_a_candidate_lacks() -> None:
+    plan = lichen.explain("gaussian", IMAGE, sigma=9, max_error=1e-4, max_ms=1e4)
+    for offer, said in judged(plan).values():
+        lacking = "not accurate enough: " if offer.error.value > 1e-4 else "fast and accurate enough, but "
+        assert said == "taken" or said.startswith(lacking)
+
+
+def test_a_method_that_cannot_run_says_why() -> None:
+    said = [
+        text
+        for offer, text in judged(lichen.explain("gaussian", IMAGE, sigma=9, border="wrap")).values()
+        if offer.unfit
+    ]
+    assert said
+    assert all(text.startswith("not possible: the border is wrap") for text in said)
+
+
+def test_where_nothing_can_be_promised_the_customary_setting_is_explained() -> None:
+    for _, said in judged(lichen.explain("lic", FIELD, length=9)).values():
+        assert said == "taken" or "the customary one is taken, this one has a typical error of " in said
+
+
+@pytest.mark.parametrize(
+    ("seconds", "error", "said"),
+    [
+        (0.0, 0.0, "accurate enough, but no faster"),
+        (0.0, 1e-5, "accurate enough, but no faster, and less accurate"),
+        (2e-3, 0.0, "accurate enough, but slower by 2 ms"),
+    ],
+)
+def test_ties_are_no_slower(seconds: float, error: float, said: str) -> None:
+    plan = lichen.explain("gaussian", IMAGE, sigma=9, max_error=1e-3)
+    node = plan.graph.node("gaussian")
+    assert node is not None
+    assert node.choice is not None
+    taken = node.choice
+    beside = dataclasses.replace(
+        taken,
+        knob=0.123,
+        seconds=taken.seconds + seconds,
+        error=dataclasses.replace(taken.error, value=taken.error.value + error),
+    )
+    changed: Any = dataclasses.replace(node, alternatives=(taken, beside))
+    assert verdicts(plan.graph, plan.request, changed) == ["taken", said]
