@@ -102,7 +102,7 @@ class Task:
         session.launch(
             source,
             kernel,
-            (height * width,),
+            (-(-height * width // SEGMENT),),
             aligned(self.field),
             session.write(pairs),
             np.int32(height * width),

@@ -34,10 +34,12 @@ typedef float4 Texel;
 
 /* ------------------------------------------------------------------------------------------------- preparation */
 
-kernel void decode(global const float *restrict image, global float2 *restrict field, int count, int stride, float scale,
+kernel void decode(global const float *restrict image, global float *restrict field, int count, int stride, float scale,
                    float bias, float limit) {
-    const int i = get_global_id(0);
-    if (i < count) field[i] = vector_at(image, i, stride, scale, bias, limit);
+    const int first = get_global_id(0) * SEGMENT;
+    float x[SEGMENT], y[SEGMENT];
+    vectors_at(x, y, image, first, count, stride, scale, bias, limit);
+    for (int i = 0; i < SEGMENT && first + i < count; ++i) vstore2((float2)(x[i], y[i]), first + i, field);
 }
 
 /* White noise of `lichen.operations.streamlines.lic.noise`, bit for bit. */

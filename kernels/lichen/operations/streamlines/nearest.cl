@@ -29,17 +29,22 @@ inline float step_y(Step s) { return as_float((uint)(s >> 32)); }
 
 kernel void prepare(global const float *restrict image, global Step *restrict steps, int count, int stride, float scale,
                     float bias, float limit) {
-    const int i = get_global_id(0);
-    if (i >= count) return;
-    const float2 v = vector_at(image, i, stride, scale, bias, limit);
-    const float m = fmax(fabs(v.x), fabs(v.y)), x = v.x * power_near(m), y = v.y * power_near(m);
-    const int moves = m > 0.0f && v.x == v.x;
+    const int first = get_global_id(0) * SEGMENT;
+    float x[SEGMENT], y[SEGMENT];
+    Step step[SEGMENT];
+    vectors_at(x, y, image, first, count, stride, scale, bias, limit);
+    EACH {
+        const float u = fabs(x[i]), v = fabs(y[i]), m = u > v ? u : v;
+        const int moves = (m > 0.0f) & (x[i] == x[i]);
 #if ARC
-    const float along = 32767.0f / sqrt(fma(x, x, y * y));
-    steps[i] = moves ? ((int)rint(x * along) & 0xffff) | ((int)rint(y * along) << 16) : 0;
+        const float s = power_near(m), along = 32767.0f / sqrt(fma(x[i] * s, x[i] * s, y[i] * s * (y[i] * s)));
+        const int h = (int)rint(moves ? x[i] * s * along : 0.0f), k = (int)rint(moves ? y[i] * s * along : 0.0f);
+        step[i] = (h & 0xffff) | (k << 16);
 #else
-    steps[i] = moves ? (ulong)as_uint(v.x) | (ulong)as_uint(v.y) << 32 : 0;
+        step[i] = moves ? (ulong)as_uint(x[i]) | (ulong)as_uint(y[i]) << 32 : 0;
 #endif
+    }
+    for (int i = 0; i < SEGMENT && first + i < count; ++i) steps[first + i] = step[i];
 }
 
 /* Euler steps through the vectors of whole pixels, reading whole texels: one channel of the texture at a time. */
