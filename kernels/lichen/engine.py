@@ -9,22 +9,26 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from lichen.errors import DeviceFailure, Flaw, InvalidRequest, LichenError, nearest
+from lichen.accuracy.metrics import Difference
+from lichen.accuracy.precision import Precision
+from lichen.errors import DeviceFailure, Flaw, InvalidRequest, nearest
+from lichen.execution import computed, exact
 from lichen.image import Alpha, Image, Space, Storage
-from lichen.memory import Array, aligned
+from lichen.memory import Array
 from lichen.opencl.device import Device, default_device, status
 from lichen.opencl.extent import extent as device_extent
-from lichen.operation import Error, Facts, Inputs
+from lichen.operation import Error, Facts
 from lichen.order import BACKENDS, Order, Picture, read_order
 from lichen.planning.graph import Decision, Graph, Node
 from lichen.planning.plan import Plan, make_plan
+from lichen.verification import Verification, verify
 
 log = logging.getLogger("lichen")
 
@@ -43,6 +47,13 @@ class Result:
     timing: Mapping[str, float]
     """seconds by stage: `plan`, `kernel`, and `kernel.<node>` for each node"""
     decisions: tuple[Decision, ...]
+    verification: Verification | None = None
+    """what comparing with truth found, where that was asked for"""
+
+    @property
+    def measured(self) -> Difference | None:
+        """How far this very image is from truth; None where that was not asked for, or not affordable."""
+        return self.verification.measured if self.verification else None
 
     @property
     def method(self) -> str:
@@ -73,6 +84,8 @@ def run(
     alpha: Alpha | str | None = None,
     storage: Storage | str | None = None,
     prune: bool = True,
+    precision: Precision | str | None = None,
+    verify: bool = False,
     **values: Any,
 ) -> Result:
     """Run one operation.
@@ -82,7 +95,9 @@ def run(
     `space` and `alpha` ask for the output's; by default it comes in those of the first input. `storage` is how the
     result will be stored, which sets the error accepted when neither `max_error` nor `max_ms` is given. `nonfinite`
     (propagate, reject, repair) says what to do with NaN and infinity in the inputs. `prune=False` runs nodes that
-    change nothing, too.
+    change nothing, too. `precision` (fixed8, fixed12, fixed16, float16, float32, float64) is how inputs and results of
+    every step are kept; float64 evaluates definitions instead of methods. `verify` compares the result with truth,
+    whole or on tiles, which is slow: `measured`, `verification`.
 
     Raises `UnknownOperation`, `InvalidRequest` (every flaw at once), `NonfiniteInput`, `Unattainable`, `DeviceFailure`.
 
@@ -101,6 +116,8 @@ def run(
         "alpha": alpha,
         "storage": storage,
         "prune": prune,
+        "precision": precision,
+        "verify": verify,
     }
     found = select_device(device)
     try:
@@ -121,11 +138,7 @@ def explain(name: str, image: Picture | None = None, /, *, device: str | None = 
 def evaluate_truth(name: str, image: Picture | None = None, /, *, device: str | None = None, **arguments: Any) -> Array:
     """The exact result of `run` with the same arguments, float64: every node of its plan by definition. Slow."""
     order, plan, _ = _prepare(name, image, arguments, select_device(device))
-
-    def exactly(node: Node, inputs: Inputs) -> Array:
-        return node.operation.evaluate_truth(inputs, node.parameters)
-
-    return _walk(plan, order.images, exactly).pixels
+    return exact(plan.graph, _sources(order))
 
 
 def select_device(name: str | None) -> Device | None:
@@ -155,36 +168,27 @@ def _prepare(
         raise InvalidRequest(f"This request for {name} is not valid.", flaws)
     node = Node(name, order.operation, order.parameters, {key: f"input.{key}" for key in order.images})
     sources = {f"input.{key}": known for key, known in facts.items()}
-    plan = make_plan(Graph(sources, (node,), name), order.request)
+    plan = make_plan(Graph(sources, (node,), name, precision=order.precision), order.request)
     return order, plan, time.perf_counter() - started
 
 
 def _execute(order: Order, plan: Plan, planning: float, device: Device | None, *further: Decision) -> Result:
-    timing = {"plan": planning, "kernel": 0.0}
-
-    def timed(node: Node, inputs: Inputs) -> Array:
+    timing = {"plan": planning}
+    sources = _sources(order)
+    image = computed(plan, sources, device, timing)
+    found = None
+    if order.verify:
         started = time.perf_counter()
-        pixels = _compute(node, inputs, device)
-        timing[f"kernel.{node.name}"] = time.perf_counter() - started
-        timing["kernel"] += timing[f"kernel.{node.name}"]
-        return pixels
-
-    image = _walk(plan, order.images, timed)
-    return Result(image, plan, "opencl" if device else "numpy", timing, (*plan.decisions, *further))
+        found = verify(plan.graph, sources, image)
+        timing["verify"] = time.perf_counter() - started
+        if found.measured is None:
+            further = (*further, Decision("verify", "*", "left out", found.reason))
+    return Result(image, plan, "opencl" if device else "numpy", timing, (*plan.decisions, *further), found)
 
 
-def _compute(node: Node, inputs: Inputs, device: Device | None) -> Array:
-    """One node by its chosen method. Raises `LichenError`; whatever else escapes a method is its author's defect."""
-    choice = node.choice
-    if choice is None:
-        raise LichenError(f"The plan chose no method for {node.name}.")
-    body = node.operation.methods[choice.method].implementation
-    single = {key: image.replace(pixels=aligned(image.pixels, np.float32)) for key, image in inputs.items()}
-    knob = choice.knob if choice.knob is not None else 0.0
-    with np.errstate(all="ignore"):  # NaN and infinity are values here; they are counted, not warned of
-        if device is None:
-            return body.numpy(single, node.parameters, knob)
-        return body.opencl(device, single, node.parameters, knob)
+def _sources(order: Order) -> dict[str, Image]:
+    """The images by their names in the plan's graph."""
+    return {f"input.{key}": image for key, image in order.images.items()}
 
 
 def _measured(image: Image, device: Device | None) -> Image:
@@ -193,26 +197,3 @@ def _measured(image: Image, device: Device | None) -> Image:
     if device is not None and worthwhile and "extent" not in vars(image):
         vars(image)["extent"] = device_extent(device, image.pixels)
     return image
-
-
-def _walk(plan: Plan, images: Inputs, compute: Callable[[Node, Inputs], Array]) -> Image:
-    """Run the nodes in order; each value is dropped after its last reader."""
-    graph = plan.graph
-    values = {f"input.{key}": image for key, image in images.items()}
-    known = graph.facts()
-    last = {source: node.name for node in graph.nodes for source in node.inputs.values()}
-    for node in graph.nodes:
-        inputs = {key: values[source] for key, source in node.inputs.items()}
-        facts = known[node.name]
-        model = next(iter(inputs.values()), None)
-        values[node.name] = Image(
-            compute(node, inputs),
-            facts.space,
-            facts.alpha,
-            model.storage if model else Storage.FLOAT32,
-            model.metadata if model else {},
-        )
-        for source in set(node.inputs.values()):
-            if last[source] == node.name and source != graph.output:
-                del values[source]
-    return values[graph.output]

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 import numpy.typing as npt
 
+from lichen.accuracy.precision import Precision
 from lichen.catalogue import operation
 from lichen.errors import Flaw, InvalidRequest, NonfiniteInput, nearest
 from lichen.image import Alpha, Image, Space, Storage, as_image, repaired
@@ -48,6 +49,8 @@ class Wish:
     alpha: Alpha | str | None = None
     storage: Storage | str | None = None
     prune: bool = True
+    precision: Precision | str | None = None
+    verify: bool = False
 
 
 RESERVED = tuple(field.name for field in dataclasses.fields(Wish))
@@ -62,6 +65,8 @@ class Order:
     parameters: OperationParameters
     images: Mapping[str, Image]
     request: Request
+    precision: Precision = Precision.FLOAT32
+    verify: bool = False
 
 
 def read_order(name: str, first: Picture | None, arguments: Mapping[str, Any], backend: str) -> Order:
@@ -74,6 +79,9 @@ def read_order(name: str, first: Picture | None, arguments: Mapping[str, Any], b
     wish = Wish(**{key: value for key, value in arguments.items() if key in RESERVED})
     values = {key: value for key, value in arguments.items() if key not in RESERVED}
     request = _request(wanted, wish, backend, flaws)
+    precision = _enumerated(Precision, wish.precision, "precision", flaws) or Precision.FLOAT32
+    if precision is Precision.FLOAT64 and (wish.method is not None or wanted.knobs.keys() & values.keys()):
+        flaws.append(Flaw("/precision", "float64 evaluates the definition itself; leave out method and knobs"))
     names = {declared.name for declared in wanted.inputs}
     images = _images(wanted, first, {key: values.pop(key) for key in names & values.keys()}, flaws)
     knobs = {key: _knob(wanted, key, values.pop(key), flaws) for key in wanted.knobs.keys() & values.keys()}
@@ -87,7 +95,7 @@ def read_order(name: str, first: Picture | None, arguments: Mapping[str, Any], b
     images = {key: _policed(key, image, Nonfinite(wish.nonfinite)) for key, image in images.items()}
     if request.storage is None and images:
         request = dataclasses.replace(request, storage=next(iter(images.values())).storage)
-    return Order(wanted, parameters, images, dataclasses.replace(request, knobs=knobs))
+    return Order(wanted, parameters, images, dataclasses.replace(request, knobs=knobs), precision, wish.verify)
 
 
 def _request(wanted: Operation[Any], wish: Wish, backend: str, flaws: list[Flaw]) -> Request:

@@ -213,7 +213,8 @@ def _redistributed(distance: Array) -> Array:
     most = float(_hyab(green, blue)[0, 0]) ** Q_C
     raised, knee = distance**Q_C, P_C * most
     small = P_T / knee * raised
-    return np.where(raised < knee, small, P_T + (raised - knee) / (most - knee) * (1 - P_T))
+    spread: Array = np.where(raised < knee, small, P_T + (raised - knee) / (most - knee) * (1 - P_T))
+    return spread
 
 
 def _features(first: Array, second: Array, ppd: float) -> Array:

@@ -1,0 +1,94 @@
+"""Carries a plan out, node by node: by the methods it chose on a device, or by definition.
+
+Sources are given by their names in the plan's graph. Every source and every result is kept in the precision that the
+graph names, and dropped after its last reader.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, MutableMapping
+
+import numpy as np
+
+from lichen.accuracy.precision import Precision, stored
+from lichen.errors import LichenError
+from lichen.image import Image, Storage
+from lichen.memory import Array, aligned
+from lichen.opencl.device import Device
+from lichen.operation import Inputs
+from lichen.planning.graph import Graph, Node
+from lichen.planning.plan import Plan
+
+Compute = Callable[[Node, Inputs], Array]
+
+
+def computed(
+    plan: Plan, sources: Mapping[str, Image], device: Device | None, timing: MutableMapping[str, float]
+) -> Image:
+    """What the plan gives on `device` (None: NumPy). Adds to `timing` the seconds of all nodes and of each."""
+    timing["kernel"] = 0.0
+
+    def timed(node: Node, inputs: Inputs) -> Array:
+        started = time.perf_counter()
+        if plan.graph.precision is Precision.FLOAT64:
+            pixels = by_definition(node, inputs)
+        else:
+            pixels = by_method(node, inputs, device)
+        timing[f"kernel.{node.name}"] = time.perf_counter() - started
+        timing["kernel"] += timing[f"kernel.{node.name}"]
+        return pixels
+
+    return walk(plan.graph, sources, timed)
+
+
+def exact(graph: Graph, sources: Mapping[str, Image]) -> Array:
+    """The exact output of a graph, float64: every node by its definition, nothing rounded in between. Slow."""
+    pixels = walk(graph.replace(precision=Precision.FLOAT64), sources, by_definition).pixels
+    return pixels.astype(np.float64, copy=False)
+
+
+def by_definition(node: Node, inputs: Inputs) -> Array:
+    return node.operation.evaluate_truth(inputs, node.parameters)
+
+
+def by_method(node: Node, inputs: Inputs, device: Device | None) -> Array:
+    """One node by its chosen method. Raises `LichenError`; whatever else escapes a method is its author's defect."""
+    choice = node.choice
+    if choice is None:
+        raise LichenError(f"The plan chose no method for {node.name}.")
+    body = node.operation.methods[choice.method].implementation
+    single = {key: image.replace(pixels=aligned(image.pixels, np.float32)) for key, image in inputs.items()}
+    knob = choice.knob if choice.knob is not None else 0.0
+    with np.errstate(all="ignore"):  # NaN and infinity are values here; they are counted, not warned of
+        if device is None:
+            return body.numpy(single, node.parameters, knob)
+        return body.opencl(device, single, node.parameters, knob)
+
+
+def walk(graph: Graph, sources: Mapping[str, Image], compute: Compute) -> Image:
+    """Run the nodes in order and return the output."""
+    values = {name: _kept(image, graph.precision) for name, image in sources.items()}
+    known = graph.facts()
+    last = {source: node.name for node in graph.nodes for source in node.inputs.values()}
+    for node in graph.nodes:
+        inputs = {key: values[source] for key, source in node.inputs.items()}
+        facts = known[node.name]
+        model = next(iter(inputs.values()), None)
+        made = Image(
+            compute(node, inputs),
+            facts.space,
+            facts.alpha,
+            model.storage if model else Storage.FLOAT32,
+            model.metadata if model else {},
+        )
+        values[node.name] = _kept(made, graph.precision)
+        for source in set(node.inputs.values()):
+            if last[source] == node.name and source != graph.output:
+                del values[source]
+    return values[graph.output]
+
+
+def _kept(image: Image, precision: Precision) -> Image:
+    """The image as it comes back from the store; itself where nothing is lost, with what is known of it."""
+    return image if precision.lossless else image.replace(pixels=stored(image.pixels, precision))
