@@ -58,12 +58,18 @@ def by_method(node: Node, inputs: Inputs, device: Device | None) -> Array:
     if choice is None:
         raise LichenError(f"The plan chose no method for {node.name}.")
     body = node.operation.methods[choice.method].implementation
-    single = {key: image.replace(pixels=aligned(image.pixels, np.float32)) for key, image in inputs.items()}
+    single = {key: _single(image) for key, image in inputs.items()}
     knob = choice.knob if choice.knob is not None else 0.0
     with np.errstate(all="ignore"):  # NaN and infinity are values here; they are counted, not warned of
         if device is None:
             return body.numpy(single, node.parameters, knob)
         return body.opencl(device, single, node.parameters, knob)
+
+
+def _single(image: Image) -> Image:
+    """The image in aligned float32; itself, with all that is known of it, where it is that already."""
+    pixels = aligned(image.pixels, np.float32)
+    return image if pixels is image.pixels else image.replace(pixels=pixels)
 
 
 def walk(graph: Graph, sources: Mapping[str, Image], compute: Compute) -> Image:
