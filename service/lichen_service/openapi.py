@@ -23,6 +23,8 @@ _REPORT_HEADERS = {
     "Lichen-Method": "the method that ran, with its knob",
     "Lichen-Device": "where it ran",
     "Lichen-Error": "largest error the result can have; how it is known (bound or estimate); its metric",
+    "Lichen-Measured": "with `verify`: the error found on this image; its metric; the share of pixels compared",
+    "Lichen-Precision": "what values were kept in between steps, where that is not float32",
     "Lichen-Skipped": "work that was left out, and why",
     "Lichen-Nonfinite": "NaN and infinite samples in the result",
     "ETag": "changes when the same request would give other bytes",
@@ -152,7 +154,11 @@ def _responses() -> dict[str, Any]:
         "Image": {
             "description": "The result; with `explain=true` the plan as JSON",
             "headers": headers,
-            "content": {**images, "application/json": {"schema": {"type": "object"}}},
+            "content": {
+                **images,
+                "application/json": {"schema": {"type": "object"}},
+                "multipart/mixed": {"schema": {"description": "with `verify`: the result, then a map of its error"}},
+            },
         },
         "Unchanged": {"description": "The result has the entity tag that the request named"},
         "Problem": {

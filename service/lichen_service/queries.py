@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from lichen.accuracy.precision import Precision
 from lichen.errors import Flaw, InvalidRequest, nearest
 from lichen.files import FORMATS
 from lichen.image import Alpha, Space, Storage
@@ -31,10 +32,14 @@ class Options(BaseModel):
     """milliseconds the computation may take by prediction; the most accurate method within them runs"""
     method: str | None = None
     """the method by name, instead of a choice by error or time"""
+    precision: Precision = Precision.FLOAT32
+    """what inputs and results of every step are kept in; float64 evaluates definitions instead of methods, slowly"""
     device: Literal["opencl", "numpy"] | None = None
     """where to compute; left out: OpenCL if it works here, else NumPy"""
     explain: bool = False
     """answer with the plan as JSON and compute nothing"""
+    verify: bool = False
+    """compare the result with truth, whole or on tiles, which is slow; `Accept: multipart/mixed` gets a map, too"""
     prune: bool = True
     """leave out work that cannot change the result by more than the asked error"""
     nonfinite: Nonfinite = Nonfinite.PROPAGATE

@@ -3,6 +3,9 @@
     Lichen-Method: fir; tail=0.0001
     Lichen-Device: opencl
     Lichen-Error: 1.23e-05; bound; max           value in output units, rounded up; how it is known; metric
+    Lichen-Measured: 1.2e-07; measured; max; sampled=1; p999=9.1e-08; rms=2.1e-08; mismatched=0
+                                                 where `verify` was asked; "none" and the reason where it cannot be had
+    Lichen-Precision: fixed8                     what values were kept in, where that is not float32
     Lichen-Skipped: identity;node="gaussian";reason="sigma is 0";bound=0
     Lichen-Nonfinite: 0                          NaN and infinite samples of the result
     Lichen-Clipped: 12                           samples beyond what integers hold, moved to the end of their range
@@ -18,9 +21,11 @@ from collections.abc import Iterable
 from decimal import ROUND_CEILING, Decimal, localcontext
 from typing import Protocol
 
+from lichen.accuracy.precision import Precision
 from lichen.engine import Result
 from lichen.files import Encoded
 from lichen.image import Storage
+from lichen.verification import Verification
 
 LONGEST = 2000
 """Characters of `Lichen-Skipped`; the entries that do not fit are counted in a last one."""
@@ -51,10 +56,25 @@ def report(result: Result, encoded: Encoded, storage: Storage) -> dict[str, str]
         "Lichen-Nonfinite": str(result.nonfinite),
         "Lichen-Space": f"{result.image.space}; alpha={result.image.alpha}; storage={storage}",
     }
+    if result.plan.graph.precision is not Precision.FLOAT32:
+        headers["Lichen-Precision"] = result.plan.graph.precision
+    if result.verification is not None:
+        headers["Lichen-Measured"] = measured(result.verification)
     if storage.integer:
         headers["Lichen-Clipped"] = str(encoded.clipped)
     dropped = skipped(result.decisions)
     return headers | ({"Lichen-Skipped": dropped} if dropped else {})
+
+
+def measured(found: Verification) -> str:
+    """What comparing with truth found. The share of pixels that were compared is rounded down, errors up."""
+    difference = found.measured
+    if difference is None:
+        return f"none; reason={_string(found.reason)}"
+    return (
+        f"{rounded_up(difference.largest)}; measured; max; sampled={math.floor(difference.sampled * 1e4) / 1e4:g}; "
+        f"p999={rounded_up(difference.p999)}; rms={rounded_up(difference.rms)}; mismatched={difference.mismatched}"
+    )
 
 
 def skipped(decisions: Iterable[Deciding]) -> str:

@@ -7,6 +7,7 @@ with --json, to standard output.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import sys
@@ -111,7 +112,7 @@ def _arguments(
     options = query.options
     further = dict(images)
     first = further.pop(operation.inputs[0].name, None) if operation.inputs else None
-    names = ("method", "max_error", "max_ms", "device", "nonfinite", "prune")
+    names = ("method", "max_error", "max_ms", "device", "nonfinite", "prune", "precision", "verify")
     wishes = {name: getattr(options, name) for name in names}
     stored = {"space": delivery.space, "alpha": delivery.alpha, "storage": delivery.storage}
     return first, {**query.values, **further, **wishes, **stored}
@@ -143,6 +144,7 @@ def _report(result: lichen.Result, timing: dict[str, float], given: Given, encod
                 "method": result.method,
                 "device": result.device,
                 "error": {"value": result.error.value, "kind": result.error.kind, "metric": "max"},
+                "measured": dataclasses.asdict(result.measured) if result.measured else None,
                 "nonfinite": result.nonfinite,
                 "seconds": timing,
                 "decisions": [decision.to_json() for decision in result.decisions],
@@ -160,7 +162,21 @@ def _report(result: lichen.Result, timing: dict[str, float], given: Given, encod
     stages = ", ".join(f"{name} {seconds * 1e3:.1f} ms" for name, seconds in timing.items() if "." not in name)
     spoilt = f", {result.nonfinite} values are not finite" if result.nonfinite else ""
     spoilt += f", {encoded.clipped} values were clipped" if encoded.clipped else ""
-    print(f"{result.method} on {result.device}, error at most {result.error}{spoilt} ({stages})", file=sys.stderr)
+    print(
+        f"{result.method} on {result.device}, error at most {result.error}{_measured(result)}{spoilt} ({stages})",
+        file=sys.stderr,
+    )
+
+
+def _measured(result: lichen.Result) -> str:
+    """What was found where the result was to be verified."""
+    if result.verification is None:
+        return ""
+    found = result.measured
+    if found is None:
+        return f", not measured: {result.verification.reason}"
+    share = "" if found.sampled == 1 else f" on {found.sampled:.2g} of the pixels"
+    return f", measured {found.largest:.3g}{share}"
 
 
 def _print_json(value: Any) -> None:

@@ -29,7 +29,7 @@ from lichen_client.errors import (
     Unavailable,
     Unprocessable,
 )
-from lichen_client.results import Error, Report, Result
+from lichen_client.results import Error, Measured, Report, Result
 from lichen_client.retry import Retries
 from lichen_client.version import __version__
 
@@ -44,6 +44,7 @@ __all__ = [
     "Error",
     "Flaw",
     "LichenClientError",
+    "Measured",
     "NotFound",
     "RateLimited",
     "Report",

@@ -44,12 +44,28 @@ class Error:
 
 
 @dataclass(frozen=True, slots=True)
+class Measured:
+    """How far the result is from the exact one, as found on this image, in output units."""
+
+    largest: float
+    p999: float
+    """exceeded by one sample in a thousand"""
+    rms: float
+    mismatched: int
+    """samples that are NaN or infinite on one side only"""
+    sampled: float
+    """the share of the pixels that were compared"""
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """How a result was made."""
 
     method: str
     device: str
     error: Error | None
+    measured: Measured | None
+    """where `verify=True` was asked and could be had"""
     timing: Mapping[str, float]
     """seconds per stage, as the service measured them"""
     skipped: str
@@ -67,6 +83,7 @@ class Report:
             method=headers.get("lichen-method", ""),
             device=headers.get("lichen-device", ""),
             error=_read_error(headers.get("lichen-error", "")),
+            measured=_read_measured(headers.get("lichen-measured", "")),
             timing=_read_timing(headers.get("server-timing", "")),
             skipped=headers.get("lichen-skipped", ""),
             nonfinite=int(nonfinite) if nonfinite.isascii() and nonfinite.isdigit() else None,
@@ -82,6 +99,17 @@ def _read_error(value: str) -> Error | None:
     except ValueError:
         return None
     return Error(number, *[*parts[1:3], "", ""][:2])
+
+
+def _read_measured(value: str) -> Measured | None:
+    """From "1.2e-07; measured; max; sampled=1; p999=...; rms=...; mismatched=0"; None where it says anything else."""
+    first, *rest = (part.strip() for part in value.split(";"))
+    given = dict(part.partition("=")[::2] for part in rest)
+    try:
+        largest, p999, rms = (float(each) for each in (first, given["p999"], given["rms"]))
+        return Measured(largest, p999, rms, int(given["mismatched"]), float(given["sampled"]))
+    except (KeyError, ValueError):
+        return None
 
 
 def _read_timing(value: str) -> dict[str, float]:

@@ -29,6 +29,9 @@ from lichen.planning.graph import Candidate, Decision, Graph, Node, Request, inp
 
 Choices = Mapping[str, Candidate]
 
+DOUBLE_ROUNDING = 2.0**-40
+"""Relative to the output's magnitude: of sums of thousands of terms in doubles, whatever order they are added in."""
+
 
 def choose(graph: Graph, request: Request) -> Graph:
     """Every node with its choice and the alternatives it was chosen from. Raises `InvalidRequest`, `Unattainable`."""
@@ -98,7 +101,9 @@ def total_seconds(graph: Graph, choices: Choices) -> float:
 
 def _definition(node: Node, facts: Mapping[str, Facts], request: Request) -> list[Candidate]:
     """Truth itself, in doubles: what remains where no method is precise enough."""
-    return [Candidate("truth", None, EXACT, node.operation.truth_seconds(node.parameters, inputs_of(node, facts)))]
+    rounding = DOUBLE_ROUNDING * facts[node.name].extent.magnitude
+    seconds = node.operation.truth_seconds(node.parameters, inputs_of(node, facts))
+    return [Candidate("truth", None, Error(rounding, "bound", rounding), seconds)]
 
 
 def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> list[Candidate]:

@@ -16,14 +16,14 @@ from typing import Any
 from lichen import catalogue, engine
 from lichen.engine import Result
 from lichen.errors import Flaw, InvalidRequest, LichenError
-from lichen.files import Limits, decode, encode, probe
+from lichen.files import Encoded, Limits, decode, encode, probe
 from lichen.image import Image
 from lichen.operation import Facts, Operation
 from lichen.order import read_order
-from lichen_service import queries, uploads
+from lichen_service import mixed, queries, uploads
 from lichen_service.documents import canonical, content_digest, matches, momentary
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
-from lichen_service.http.message import Request, Response
+from lichen_service.http.message import Body, Request, Response
 from lichen_service.queries import Query
 from lichen_service.refusals import relocated
 from lichen_service.reports import report
@@ -58,6 +58,8 @@ class Running:
         with relocated():
             facts = _expected(operation, query, images)
             accept, origin = request.head.headers.get("accept"), _origin(operation, given, images)
+            if _mixed(request, query):
+                accept = mixed.of_the_result(accept)
             delivery = agree(query.options, accept, facts, origin)
             return self._answer(request, operation, query, images, delivery, digests, stages)
 
@@ -73,7 +75,7 @@ class Running:
     ) -> Response:
         head, options = request.head, query.options
         first, arguments = _arguments(operation, query, images, delivery)
-        if options.explain or "if-none-match" in head.headers:
+        if options.explain or ("if-none-match" in head.headers and not options.verify):
             with stages.stage("plan"):
                 plan = engine.explain(operation.name, first, **arguments)
             if options.explain:
@@ -86,17 +88,22 @@ class Running:
         stages.split("run", result.timing)
         with stages.stage("encode"):
             encoded = encode(result.image, delivery.format.name, storage=delivery.storage)
+            content_type, body = (
+                _with_map(result, encoded, delivery) if _mixed(request, query) else (encoded.media_type, encoded.data)
+            )
         with stages.stage("digest"):
+            tag = _entity_tag(digests.result(), result.plan.digest, delivery)
             headers = {
-                "Content-Type": encoded.media_type,
-                "Content-Digest": content_digest(encoded.data),
-                "ETag": _entity_tag(digests.result(), result.plan.digest, delivery),
+                "Content-Type": content_type,
+                "Content-Digest": content_digest(body),
+                # Without a tag where the measurement is what was asked for: an answer of 304 would hold none.
+                **({} if options.verify else {"ETag": tag}),
                 "Cache-Control": "no-cache",
                 "Vary": "Accept",
                 **report(result, encoded, delivery.storage),
             }
         headers["Server-Timing"] = stages.header()
-        return Response(200, encoded.data, headers, _log(operation, images, result, stages))
+        return Response(200, body, headers, _log(operation, images, result, stages))
 
     def _read(self, operation: Operation[Any], request: Request) -> tuple[Query, Uploads]:
         """The query and the uploads. Raises what is wrong with either, all of it at once."""
@@ -179,10 +186,27 @@ def _arguments(
         "device": options.device,
         "nonfinite": options.nonfinite,
         "prune": options.prune,
+        "precision": options.precision,
+        "verify": options.verify,
         "space": delivery.space,
         "alpha": delivery.alpha,
         "storage": delivery.storage,
     }
+
+
+def _mixed(request: Request, query: Query) -> bool:
+    """Whether the answer has a second part, the map of the error."""
+    options = query.options
+    return options.verify and not options.explain and mixed.wanted(request.head.headers.get("accept"))
+
+
+def _with_map(result: Result, encoded: Encoded, delivery: Delivery) -> tuple[str, Body]:
+    """The result and, where anything was measured, the map."""
+    parts: list[mixed.Part] = [({"Content-Type": encoded.media_type}, encoded.data)]
+    if result.verification is not None and result.verification.map is not None:
+        errors, scale = mixed.error_map(result.verification.map, delivery.format.name)
+        parts.append(({"Content-Type": errors.media_type, "Lichen-Map": scale}, errors.data))
+    return mixed.join(parts)
 
 
 def _plan_document(plan: Mapping[str, Any], delivery: Delivery, stages: Stages) -> Response:
