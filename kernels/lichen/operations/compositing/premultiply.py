@@ -50,12 +50,16 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     return dataclasses.replace(image, alpha=Alpha.STRAIGHT if p.inverse else Alpha.ASSOCIATED, extent=extent)
 
 
+def _changes(p: Parameters, alpha: Alpha) -> bool:
+    """Whether there is coverage to multiply by or to divide out."""
+    return alpha is (Alpha.ASSOCIATED if p.inverse else Alpha.STRAIGHT)
+
+
 def _identity(p: Parameters, facts: InputFacts) -> str | None:
     alpha = facts["image"].alpha
     if alpha is Alpha.NONE:
         return "the image has no coverage"
-    wanted = Alpha.STRAIGHT if p.inverse else Alpha.ASSOCIATED
-    return f"the image is {alpha} already" if alpha is wanted else None
+    return None if _changes(p, alpha) else f"the image is {alpha} already"
 
 
 def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
@@ -91,7 +95,7 @@ premultiply = Operation(
 def truth(inputs: Inputs, p: Parameters) -> Array:
     image = inputs["image"]
     pixels = np.array(image.pixels)
-    if image.alpha is (Alpha.ASSOCIATED if p.inverse else Alpha.STRAIGHT):
+    if _changes(p, image.alpha):
         coverage = pixels[..., -1:]
         if p.inverse:
             pixels[..., :-1] /= np.where(np.abs(coverage) < SMALLEST, 1.0, coverage)
@@ -113,6 +117,9 @@ class Exact:
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
         image = inputs["image"]
         out = aligned_empty(image.pixels.shape)
+        if not _changes(p, image.alpha):
+            out[...] = image.pixels
+            return out
         kernel = "dissociate" if p.inverse else "associate"
         with device.session() as session:
             session.launch(
@@ -130,6 +137,9 @@ class Exact:
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
         pixels = inputs["image"].pixels
         out = aligned_empty(pixels.shape)
+        if not _changes(p, inputs["image"].alpha):
+            out[...] = pixels
+            return out
         coverage = pixels[..., -1:]
         if p.inverse:
             np.divide(pixels, np.where(np.abs(coverage) < SMALLEST, np.float32(1), coverage), out=out)

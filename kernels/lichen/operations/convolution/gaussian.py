@@ -21,18 +21,20 @@ discrete sine and cosine transforms, IEEE Trans. Signal Processing 42 (1994) for
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 from pydantic import Field
 
-from lichen.image import Alpha, Image
+from lichen.image import Alpha, Extent, Image
 from lichen.memory import Array, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import (
     ROUNDING,
     Border,
     Error,
+    Facts,
     Footprint,
     Input,
     InputFacts,
@@ -119,6 +121,17 @@ def _dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
     return None
 
 
+def _result(p: Parameters, facts: InputFacts) -> Facts:
+    """A mean of the input's values and of what lies beyond a constant border."""
+    image = facts["image"]
+    if p.border is not Border.CONSTANT:
+        return image
+    extent = image.extent
+    return dataclasses.replace(
+        image, extent=Extent(min(extent.low, p.value), max(extent.high, p.value), extent.nonfinite)
+    )
+
+
 def _footprint(p: Parameters, facts: InputFacts) -> Footprint:
     """As far as the kernel changes anything in float64."""
     radius = len(half_kernel(p.sigma)) - 1
@@ -138,6 +151,7 @@ gaussian = Operation(
     light=Light.LINEAR,
     wants_alpha=Alpha.ASSOCIATED,
     footprint=_footprint,
+    result=_result,
     identity=lambda p, facts: "sigma is 0" if p.sigma == 0 else None,
     examples=(
         {"sigma": 1.5},

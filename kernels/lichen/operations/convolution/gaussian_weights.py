@@ -24,7 +24,8 @@ BARELY = 1e-17
 def half_kernel(sigma: float) -> Vector:
     """Weights of k = 0, 1, 2 ... until they no longer matter in float64, of the kernel that sums to 1."""
     reach = math.ceil(sigma * math.sqrt(-2 * math.log(BARELY))) + 1
-    weights = np.exp(-0.5 * np.square(np.arange(reach + 1) / sigma)) if sigma else np.array([1.0, 0.0])
+    with np.errstate(over="ignore"):  # beside a width of nearly nothing every distance is infinite
+        weights = np.exp(-0.5 * np.square(np.arange(reach + 1) / sigma)) if sigma else np.array([1.0, 0.0])
     total: Vector = weights / (weights[0] + 2 * math.fsum(weights[1:]))
     return total
 
