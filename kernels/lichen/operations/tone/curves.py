@@ -173,12 +173,17 @@ class Form:
     def steepness(self, a: float) -> float:
         """How much larger the relative rounding of y is than that of what it is computed from, at a >= knee.
 
-        It is the condition number, at least 1; for encoding PQ, which ends in an exponential, the exponent.
+        It is the condition number, at least 1; for encoding PQ, which ends in an exponential, twice the exponent; for
+        decoding it, whose root is nearly 1 everywhere, that of the quotient and of what the root lies away from 1.
         """
         y, rise = float(self.upper(a)), float(self.slope(a))
         if self.body == "pq_encode":
-            return 1 + abs(math.log(y)) if y > 0 else 1.0
-        return max(1.0, a * rise / y) if 0 < y < math.inf and math.isfinite(rise) else 1.0
+            return 1 + 2 * abs(math.log(y)) if y > 0 else 1.0
+        condition = max(1.0, a * rise / y) if 0 < y < math.inf and math.isfinite(rise) else 1.0
+        if self.body == "pq_decode" and 0 < y < math.inf:
+            w = math.expm1(math.log(min(a, pq_ceiling_signal())) / PQ_M2)
+            return max(condition, (1 + abs(w) / (PQ_Q + w) + PQ_C3 * abs(w) / (PQ_Q - PQ_C3 * w)) / PQ_M1)
+        return condition
 
     def modulus(self, low: float, high: float, change: float) -> float:
         """The largest change of the result when x in [low, high] changes by at most `change`, negatives mirrored."""

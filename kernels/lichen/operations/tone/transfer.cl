@@ -94,10 +94,11 @@ inline float16 exponential(float16 a, global const float *k)
 {
     float16 t = a - 0.5f;
     int16 n;
-    float16 whole = num_nearest(clamp(t * k[POWER_HIGH], -126.0f, 129.0f), &n);
+    float16 whole = num_nearest(clamp(t * k[POWER_HIGH], -122.0f, 133.0f), &n);
     float16 part = fma(t, (float16)(k[POWER_LOW]), fma(t, (float16)(k[POWER_HIGH]), -whole));
-    float16 y = fma(exp2_of_sum(n, part), (float16)(k[OUTER]), (float16)(k[DROP]));
-    return select(a, select((float16)(INFINITY), y, whole < 129.0f), a < INFINITY);
+    // The factor is small: 16 of it are taken first, or the power would leave float's range before the result does.
+    float16 y = fma(exp2_of_sum(n - 4, part), (float16)(16 * k[OUTER]), (float16)(k[DROP]));
+    return select(a, select((float16)(INFINITY), y, whole < 133.0f), a < INFINITY);
 }
 
 inline float16 logarithm(float16 a, global const float *k)
