@@ -1,0 +1,213 @@
+"""The images on which methods are compared with truth: the same pixels everywhere, at any size.
+
+Six pictures, each hard for another reason: a zone plate (every frequency and direction), wedges (step edges at every
+angle), white noise, a photograph-like picture of natural statistics, the same with highlights up to 1e4, and a gradient
+(where a quantum shows). Vector fields are smooth, or as rough as noise. To these come the inputs of the operation's own
+hard cases, but those with NaN or infinity: a method whose kernel is shorter than truth's rightly keeps them nearer, and
+the cases themselves say what must hold. All values of pictures but the highlights lie in [0, 1].
+
+Nothing is read from a file: the photograph is made by shaping noise as photographs are shaped, with amplitudes that
+fall with frequency (Field, J. Opt. Soc. Am. A 4, 1987) and a few large areas of their own brightness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from lichen.errors import InvalidRequest
+from lichen.image import Alpha, Image, as_image
+from lichen.memory import Array, aligned
+from lichen.operation import Facts, Input, InputFacts, Inputs, Operation, OperationParameters
+
+BRIGHTEST = 1e4
+COLOURS = 3
+"""Colour channels of a picture, where the operation takes so many."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """Inputs under a name."""
+
+    name: str
+    inputs: Inputs
+
+    @property
+    def facts(self) -> InputFacts:
+        return {name: Facts.of(image) for name, image in self.inputs.items()}
+
+
+def cases(operation: Operation[Any], parameters: OperationParameters, size: int) -> Iterator[Case]:
+    """All inputs of the corpus that the operation takes with these parameters, the main one first.
+
+    Where the required inputs are data (a field), they vary over fields, and pictures over the smooth one.
+    """
+    for content, inputs in _drawn(operation, parameters, size):
+        case = Case(content, inputs)
+        if not operation.check(parameters, case.facts):
+            yield case
+    for hard in operation.hard_cases:
+        try:
+            case = Case(f"hard: {hard.name}", {name: as_image(value) for name, value in hard.inputs().items()})
+        except InvalidRequest:  # a case of something that is no image at all
+            continue
+        finite = all(image.extent.nonfinite == 0 for image in case.inputs.values())
+        if finite and _complete(operation, case.inputs) and not operation.check(parameters, case.facts):
+            yield case
+
+
+def typical(operation: Operation[Any], parameters: OperationParameters, size: int) -> Case:
+    """The inputs on which times are measured: the photograph, or a smooth field with the default of the rest."""
+    return next(
+        case for case in cases(operation, parameters, size) if not operation.inputs[0].picture or case.name == "photo"
+    )
+
+
+def _drawn(operation: Operation[Any], parameters: OperationParameters, size: int) -> Iterator[tuple[str, Inputs]]:
+    required = [each for each in operation.inputs if each.required]
+    if any(each.picture for each in required) or not required:
+        for content in PICTURES:
+            yield content, _covered(operation, parameters, content, size)
+        return
+    for kind in FIELDS:
+        yield kind, {each.name: as_image(field(kind, size)) for each in required}
+    pictures = [each for each in operation.inputs if each.picture]
+    for content in PICTURES if pictures else ():
+        drawn = {each.name: as_image(field("smooth field", size)) for each in required}
+        yield content, drawn | {each.name: as_image(_fitting(each, content, size)) for each in pictures}
+
+
+def _covered(operation: Operation[Any], parameters: OperationParameters, content: str, size: int) -> Inputs:
+    """The picture without coverage, unless the operation does nothing without it."""
+    declared = [each for each in operation.inputs if each.required]
+    inputs = {each.name: as_image(_fitting(each, content, size)) for each in declared}
+    for alpha in (Alpha.STRAIGHT, Alpha.ASSOCIATED):
+        facts = {name: Facts.of(image) for name, image in inputs.items()}
+        if operation.identity(parameters, facts) is None:
+            break
+        coverage = picture("gradient", size)[..., :1]
+        for name, image in inputs.items():
+            colours = image.pixels[..., : image.colours]
+            colours = colours * coverage if alpha is Alpha.ASSOCIATED else colours
+            inputs[name] = Image(aligned(np.concatenate([colours, coverage], axis=2)), alpha=alpha)
+    return inputs
+
+
+def _fitting(declared: Input, content: str, size: int) -> Array:
+    """The picture with as many channels as the input takes."""
+    if not declared.picture:
+        return field("smooth field", size)
+    fewest, most = declared.channels
+    count = max(fewest, min(COLOURS, most or COLOURS))
+    colours = picture(content, size)
+    return aligned(np.concatenate([colours] * -(-count // COLOURS), axis=2)[..., :count])
+
+
+def _complete(operation: Operation[Any], inputs: Inputs) -> bool:
+    """Whether these are inputs of the operation, none is missing and the channels fit."""
+    declared = {each.name: each for each in operation.inputs}
+    if not inputs.keys() <= declared.keys() or any(d.required and n not in inputs for n, d in declared.items()):
+        return False
+    counts = {name: declared[name].channels for name in inputs}
+    return all(counts[n][0] <= image.channels <= (counts[n][1] or image.channels) for n, image in inputs.items())
+
+
+# -------------------------------------------------------------------------------------------------------- the images
+
+
+@lru_cache(maxsize=24)
+def picture(content: str, size: int) -> Array:
+    """One of `PICTURES`, float32 (size, size, 3)."""
+    made = PICTURES[content](size)
+    colours = np.broadcast_to(made if made.ndim == 3 else made[..., None], (size, size, COLOURS))
+    pixels = aligned(colours.astype(np.float32))
+    pixels.flags.writeable = False
+    return pixels
+
+
+@lru_cache(maxsize=8)
+def field(kind: str, size: int) -> Array:
+    """One of `FIELDS`, float32 (size, size, 2): x to the right, y down, components in [-1, 1]."""
+    pixels = aligned(FIELDS[kind](size).astype(np.float32))
+    pixels.flags.writeable = False
+    return pixels
+
+
+def _centred(size: int) -> tuple[Array, Array]:
+    """x and y of the pixel centres, in [-1, 1]."""
+    at = (2 * np.arange(size) + 1) / size - 1
+    return at[None, :], at[:, None]
+
+
+def _zone_plate(size: int) -> Array:
+    """Reaches the highest frequency at the middle of each side."""
+    x, y = _centred(size)
+    wave: Array = 0.5 + 0.5 * np.cos(np.pi / 4 * size * (x * x + y * y))
+    return wave
+
+
+def _wedges(size: int) -> Array:
+    """32 sectors, black and white in turn, the colours turned against each other."""
+    x, y = _centred(size)
+    turns = np.arctan2(y - 0.013, x + 0.007) / (2 * np.pi)
+    return np.stack([np.floor(16 * turns + shift) % 2 for shift in (0.0, 0.21, 0.43)], axis=-1)
+
+
+def _noise(size: int) -> Array:
+    noise: Array = np.random.default_rng(size).random((size, size, COLOURS))
+    return noise
+
+
+def _photo(size: int) -> Array:
+    """Amplitudes that fall as 1 / frequency, colours that agree in the main, areas of their own brightness."""
+    rng = np.random.default_rng([size, 1])
+    frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
+    frequency[0, 0] = 1.0
+    layers = [np.fft.irfft2(np.fft.rfft2(rng.standard_normal((size, size))) / frequency, (size, size)) for _ in "abcd"]
+    grey, *tints = (layer / layer.std() for layer in layers)
+    x, y = _centred(size)
+    for _ in range(6):
+        a, b, turn = rng.uniform(-1, 1, 3)
+        grey = grey + rng.uniform(-1, 1) * ((x - a) * np.cos(np.pi * turn) + (y - b) * np.sin(np.pi * turn) > 0)
+    colours = np.stack([grey + 0.3 * tint for tint in tints], axis=-1)
+    photo: Array = np.clip(0.45 + 0.2 * (colours - colours.mean()) / colours.std(), 0, 1)
+    return photo
+
+
+def _highlights(size: int) -> Array:
+    """The photograph with one sample in fifty raised, to 10 or to anything up to 1e4."""
+    rng = np.random.default_rng([size, 2])
+    raised = 10 ** rng.uniform(1, np.log10(BRIGHTEST), (size, size, 1))
+    return np.where(rng.random((size, size, 1)) < 0.02, raised, picture("photo", size).astype(np.float64))
+
+
+def _gradient(size: int) -> Array:
+    x, y = _centred(size)
+    return np.stack(np.broadcast_arrays((x + 1) / 2, (y + 1) / 2, (2 + x + y) / 4), axis=-1)
+
+
+def _smooth_field(size: int) -> Array:
+    """Vortices and saddles, a few across the image; no vector is longer than 1."""
+    x, y = _centred(size)
+    smooth: Array = np.stack([np.sin(5 * y + np.cos(3 * x)), np.cos(4 * x - np.sin(3 * y))], axis=-1) / np.sqrt(2)
+    return smooth
+
+
+def _rough_field(size: int) -> Array:
+    noise: Array = np.random.default_rng([size, 3]).uniform(-1, 1, (size, size, 2))
+    return noise
+
+
+PICTURES: Mapping[str, Callable[[int], Array]] = {
+    "zone plate": _zone_plate,
+    "wedges": _wedges,
+    "noise": _noise,
+    "photo": _photo,
+    "highlights": _highlights,
+    "gradient": _gradient,
+}
+FIELDS: Mapping[str, Callable[[int], Array]] = {"smooth field": _smooth_field, "rough field": _rough_field}

@@ -1,0 +1,70 @@
+"""From measured times to a rate: seconds = start + step x work.
+
+Times span five decades, and what a caller notices is a factor, not a difference: so logarithms of prediction over
+measurement are made small. Times on a shared machine have a long tail upwards, which squares would follow: so
+their absolute values are, by least squares whose weights are renewed until they have settled. Neither number becomes
+negative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lichen.operation import Rate
+
+ROUNDS = 30
+INFINITELY_FAST = 1e-16
+"""Seconds per step, less than any machine takes; a rate of 0 would make every amount of work equally dear."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Steps of work and the seconds they took."""
+
+    work: float
+    seconds: float
+
+
+def fit(samples: Sequence[Sample]) -> Rate:
+    """The rate that predicts the samples best. At least one is needed.
+
+    >>> rate = fit([Sample(n, 1e-4 + 2e-9 * n) for n in (1e3, 1e5, 1e7)])
+    >>> f"{rate.start:.2g} {rate.step:.2g}"
+    '0.0001 2e-09'
+    """
+    work, seconds = np.array([(sample.work, sample.seconds) for sample in samples], dtype=np.float64).T
+    seconds = np.maximum(seconds, 1e-9)
+    weights = 1 / seconds
+    start, step = 0.0, 0.0
+    for _ in range(ROUNDS):
+        start, step = _squares(work, seconds, weights)
+        predicted = np.maximum(start + step * work, 1e-12)
+        apart = np.abs(np.log(predicted / seconds))
+        # Least squares of differences, weighted so that near the solution they are those of logarithms.
+        weights = 1 / np.sqrt(seconds * predicted) / np.sqrt(np.maximum(apart, 0.03))
+    return Rate(start, max(step, INFINITELY_FAST))
+
+
+def misses(rate: Rate, samples: Sequence[Sample], factor: float = 1.5) -> int:
+    """How many samples lie further than `factor` from the prediction."""
+    ratios = [(rate.start + rate.step * sample.work) / sample.seconds for sample in samples]
+    return sum(not 1 / factor <= ratio <= factor for ratio in ratios)
+
+
+def _squares(work: np.ndarray, seconds: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
+    """The weighted least squares solution with neither number below 0."""
+    scale = max(float(work.max()), 1.0)
+    columns = np.stack([weights, weights * work / scale], axis=1)
+    wanted = weights * seconds
+    if len(work) > 1 and np.ptp(work) > 0:
+        (start, step), *_ = np.linalg.lstsq(columns, wanted)
+        if start >= 0 and step >= 0:
+            return float(start), float(step) / scale
+    alone = [max(float(column @ wanted) / max(float(column @ column), 1e-300), 0.0) for column in columns.T]
+    left = [float(np.square(wanted - column * x).sum()) for column, x in zip(columns.T, alone, strict=True)]
+    if left[0] <= left[1]:
+        return alone[0], 0.0
+    return 0.0, alone[1] / scale

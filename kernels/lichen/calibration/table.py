@@ -1,0 +1,114 @@
+"""The error table: what every setting of every method was wrong by, over the corpus.
+
+It belongs to the code: checked in beside it, one line per entry and three digits, so that a change of accuracy shows as
+a change of lines. `lichen calibrate --errors` writes it; a test computes a part of it again and fails where they differ.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
+from decimal import ROUND_CEILING, Decimal
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+NAME = "errors.json"
+DIGITS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """Errors over the corpus, OpenCL's or NumPy's, whichever is larger; units as in `lichen.calibration.sweep`."""
+
+    operation: str
+    example: int
+    """its place among the operation's examples"""
+    method: str
+    knob: float | None
+    precision: str
+    size: int
+    """side of the corpus's images, px"""
+    largest: float
+    worst_image: str
+    """the image that `largest` and `stated` belong to"""
+    p999: float
+    """exceeded by one sample in a thousand, on the worst image for it"""
+    rms: float
+    """on the worst image for it"""
+    typical_rms: float
+    """median over the images"""
+    stated: float
+    """what the method states for `worst_image`"""
+    kind: str
+    """bound or estimate"""
+    mismatched: int
+    """samples that are non-finite where truth is not, or the other way round; all images together"""
+
+    @property
+    def order(self) -> tuple[str, int, str, str, float]:
+        return self.operation, self.example, self.method, self.precision, self.knob if self.knob is not None else 0.0
+
+    @property
+    def holds(self) -> bool:
+        return self.largest <= self.stated and not self.mismatched
+
+
+@dataclass(frozen=True)
+class Table:
+    entries: tuple[Entry, ...]
+
+    def of(self, operation: str, example: int | None = None) -> tuple[Entry, ...]:
+        """The entries of an operation, of one of its examples if that is named."""
+        return tuple(
+            entry for entry in self.entries if entry.operation == operation and example in (None, entry.example)
+        )
+
+    def to_text(self) -> str:
+        """The file's text: sorted, a line for each entry, a line break at the end."""
+        lines = [json.dumps(_rounded(entry), ensure_ascii=False) for entry in sorted(self.entries, key=_order)]
+        return "[\n" + ",\n".join(lines) + "\n]\n"
+
+
+def parse(text: str) -> Table:
+    return Table(tuple(Entry(**each) for each in json.loads(text)))
+
+
+@cache
+def load() -> Table:
+    """The table that comes with the library."""
+    return parse((files("lichen.calibration") / NAME).read_text(encoding="utf-8"))
+
+
+def save(entries: Iterable[Entry], path: Path | None = None) -> Path:
+    """Write the table of a checkout; entries of operations that are not among `entries` stay as they are."""
+    path = path or Path(__file__).with_name(NAME)
+    new = tuple(entries)
+    renewed = {entry.operation for entry in new}
+    old = parse(path.read_text(encoding="utf-8")).entries if path.exists() else ()
+    kept = tuple(entry for entry in old if entry.operation not in renewed)
+    path.write_text(Table(kept + new).to_text(), encoding="utf-8")
+    load.cache_clear()
+    return path
+
+
+def _order(entry: Entry) -> tuple[str, int, str, str, float]:
+    return entry.order
+
+
+def _rounded(entry: Entry) -> dict[str, object]:
+    """Three digits; `stated` upwards, so that rounding breaks no promise."""
+    values = asdict(entry)
+    for each in fields(entry):
+        value = values[each.name]
+        if isinstance(value, float) and each.name != "knob":
+            values[each.name] = float(f"{value:.{DIGITS}g}")
+    values["stated"] = _upwards(max(entry.stated, values["largest"] if entry.holds else 0.0))
+    return values
+
+
+def _upwards(value: float) -> float:
+    """The smallest number of three digits that is not below `value`."""
+    exact = Decimal(value)
+    return float(exact.quantize(Decimal(1).scaleb(exact.adjusted() - DIGITS + 1), ROUND_CEILING)) if value else 0.0
