@@ -27,6 +27,10 @@ from lichen.memory import Array
 from lichen.operation import Footprint
 
 
+SUBNORMAL = -125
+"""Exponent, as `frexp` counts, from which downwards the units of float32 no longer shrink."""
+
+
 @dataclass(frozen=True, slots=True)
 class Difference:
     """Absolute differences in output units."""
@@ -149,7 +153,7 @@ def _ranked(samples: Array) -> Array:
 def ulps(pixels: Array, truth: Array) -> float:
     """The largest difference in units in the last place of truth as float32, over finite samples.
 
-    Subnormal truths count in the smallest normal unit. Meant for pointwise results: a sum over pixels is small by
+    Zero and subnormal truths count in the spacing of subnormals. Meant for pointwise results: a sum over pixels is small by
     cancellation somewhere, and there no float32 evaluation has few ULP.
 
     >>> import numpy as np
@@ -158,7 +162,8 @@ def ulps(pixels: Array, truth: Array) -> float:
     """
     finite = np.isfinite(pixels) & np.isfinite(truth)
     exact = truth[finite].astype(np.float64)
-    unit = np.ldexp(1.0, np.maximum(np.frexp(exact)[1], -125) - 24)
+    exponent = np.where(exact == 0, SUBNORMAL, np.frexp(exact)[1])
+    unit = np.ldexp(1.0, np.maximum(exponent, SUBNORMAL) - 24)
     return float(np.max(np.abs(pixels[finite] - exact) / unit, initial=0.0))
 
 

@@ -1,0 +1,187 @@
+"""Draws for property tests: images, parameters and settings of any operation, from its declaration alone.
+
+Images mix what breaks filters (impulses, checks, extremes in two levels) with what breaks curves (values across all
+magnitudes, neighbours of the numbers where standards change their formula) and what breaks line integrals (vortices and
+saddles). Numbers are drawn by magnitude as often as evenly, with the ends of their range and their defaults.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from hypothesis import assume
+from hypothesis import strategies as st
+
+from lichen.image import Image, as_image
+from lichen.operation import Facts, Input, Method, Operation
+
+DEAREST = 0.6
+"""Predicted seconds of truth; more than is drawn."""
+KNEES = (0.0, 0.0031308, 0.018, 0.04045, 1 / 12, 0.081, 0.5, 1.0, 1.8396, 1.9921, 2.0)
+
+
+def _noise(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    return rng.random((height, width))
+
+
+def _levels(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    return rng.integers(0, 2, (height, width)).astype(float)
+
+
+def _impulse(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    made = np.zeros((height, width))
+    made[rng.integers(height), rng.integers(width)] = 1
+    return made
+
+
+def _checks(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    side = int(rng.integers(1, 5))
+    return ((np.arange(height)[:, None] // side + np.arange(width) // side) % 2).astype(float)
+
+
+def _wave(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    down, across, phase = rng.uniform(-np.pi, np.pi, 3)
+    return 0.5 + 0.5 * np.sin(down * np.arange(height)[:, None] + across * np.arange(width) + phase)
+
+
+def _edge(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    angle = rng.uniform(0, 2 * np.pi)
+    y, x = np.arange(height)[:, None] - height / 2, np.arange(width) - width / 2
+    return (np.cos(angle) * x + np.sin(angle) * y > 0).astype(float)
+
+
+def _magnitudes(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    return rng.choice([-1, 1], (height, width)) * 10 ** rng.uniform(-12, 4, (height, width))
+
+
+def _knees(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    values = rng.choice(np.float32(KNEES), (height, width)) * rng.choice(np.float32([-1, 1, 1]), (height, width))
+    near = (values.view(np.int32) + rng.integers(-2, 3, values.shape).astype(np.int32)).view(np.float32)
+    return np.where(np.isfinite(near), near, 0)
+
+
+def _highlights(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    return np.where(rng.random((height, width)) > 0.97, 1e4, rng.random((height, width)))
+
+
+def _turning(rng: np.random.Generator, height: int, width: int) -> np.ndarray:
+    """One component of a linear field around a centre; two of them make vortices, nodes and saddles."""
+    a, b = rng.standard_normal(2)
+    y, x = rng.uniform(0, height), rng.uniform(0, width)
+    return (a * (np.arange(width) - x) + b * (np.arange(height)[:, None] - y)) / 16
+
+
+PATTERNS: Mapping[str, Callable[[np.random.Generator, int, int], np.ndarray]] = {
+    "noise": _noise,
+    "levels": _levels,
+    "impulse": _impulse,
+    "checks": _checks,
+    "wave": _wave,
+    "edge": _edge,
+    "magnitudes": _magnitudes,
+    "knees": _knees,
+    "highlights": _highlights,
+    "turning": _turning,
+}
+
+
+@st.composite
+def pixels(draw: st.DrawFn, height: int, width: int, channels: int) -> np.ndarray:
+    """float32 (height, width, channels): a pattern for each channel, often moved and scaled."""
+    name = draw(st.sampled_from(sorted(PATTERNS)))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    made = np.stack([PATTERNS[name](rng, height, width) for _ in range(channels)], axis=-1)
+    scale, offset = draw(st.sampled_from([(1, 0), (1, 0), (1, -0.5), (-2, 1), (1e-3, 1), (1e3, -500), (1e-6, 0)]))
+    return (made * scale + offset).astype(np.float32)
+
+
+@st.composite
+def images(draw: st.DrawFn, operation: Operation[Any]) -> dict[str, Image]:
+    """Inputs of an operation, of one size as a rule; optional ones half of the time."""
+    height, width = draw(st.integers(1, 48)), draw(st.integers(1, 48))
+    made = {}
+    for declared in operation.inputs:
+        if declared.required or draw(st.booleans()):
+            size = (height, width) if draw(st.integers(0, 4)) else (draw(st.integers(1, 48)), draw(st.integers(1, 48)))
+            made[declared.name] = as_image(draw(pixels(*size, draw(channels(declared)))))
+    return made
+
+
+def channels(declared: Input) -> st.SearchStrategy[int]:
+    fewest, most = declared.channels
+    return st.sampled_from([count for count in (1, 2, 3, 4, 5) if fewest <= count and (most is None or count <= most)])
+
+
+def parameters(operation: Operation[Any]) -> st.SearchStrategy[dict[str, Any]]:
+    """Values for all parameters by the JSON schema; those that may be left out are, half of the time."""
+    schema = operation.schema()
+    required = schema.get("required", [])
+    given = {name: value(field, schema.get("$defs", {})) for name, field in schema.get("properties", {}).items()}
+    return st.fixed_dictionaries(
+        {name: drawn for name, drawn in given.items() if name in required},
+        optional={name: drawn for name, drawn in given.items() if name not in required},
+    )
+
+
+def value(field: Mapping[str, Any], definitions: Mapping[str, Any]) -> st.SearchStrategy[Any]:
+    """Values that a field of a JSON schema takes."""
+    if "$ref" in field:
+        return value(definitions[field["$ref"].removeprefix("#/$defs/")], definitions)
+    if "anyOf" in field:
+        return st.one_of([value(each, definitions) for each in field["anyOf"]])
+    if "enum" in field:
+        return st.sampled_from(field["enum"])
+    if "const" in field:
+        return st.just(field["const"])
+    kind = field["type"]
+    if kind == "null":
+        return st.none()
+    if kind == "boolean":
+        return st.booleans()
+    if kind == "array":
+        fewest, most = field.get("minItems", 0), field.get("maxItems", field.get("minItems", 0) + 3)
+        items = field.get("prefixItems")
+        if items:
+            return st.tuples(*(value(each, definitions) for each in items)).map(list)
+        return st.lists(value(field["items"], definitions), min_size=fewest, max_size=most)
+    low = field.get("minimum", field.get("exclusiveMinimum", -1e3))
+    high = field.get("maximum", field.get("exclusiveMaximum", 1e3))
+    if kind == "integer":
+        return st.integers(int(low) + ("exclusiveMinimum" in field), int(high) - ("exclusiveMaximum" in field))
+    assert kind == "number", f"no way to draw a {kind}"
+    return numbers(low, high, open_low="exclusiveMinimum" in field, open_high="exclusiveMaximum" in field)
+
+
+def numbers(low: float, high: float, *, open_low: bool = False, open_high: bool = False) -> st.SearchStrategy[float]:
+    """Evenly, by magnitude, and at the ends."""
+    even = st.floats(low, high, exclude_min=open_low, exclude_max=open_high)
+    signs = [sign for sign in (1.0, -1.0) if (high > 0 if sign > 0 else low < 0)]
+    sized = st.tuples(st.sampled_from(signs), st.floats(-3, 3)).map(lambda drawn: drawn[0] * 10 ** drawn[1])
+    within = sized.map(lambda number: min(max(number, low), high))
+    usual = within.filter(lambda number: not (open_low and number <= low) and not (open_high and number >= high))
+    return st.one_of(usual, usual, usual, even)
+
+
+@st.composite
+def cases(draw: st.DrawFn, operation: Operation[Any]) -> tuple[dict[str, Image], Any, dict[str, Facts]]:
+    """Inputs, parameters and facts that the operation takes and whose truth is soon found."""
+    given = draw(images(operation))
+    chosen = operation.validate(draw(parameters(operation)))
+    facts = {name: Facts.of(image) for name, image in given.items()}
+    assume(not operation.check(chosen, facts))
+    assume(operation.truth_seconds(chosen, facts) < DEAREST)
+    return given, chosen, facts
+
+
+def settings_of(method: Method[Any]) -> st.SearchStrategy[float]:
+    """A knob's values and what lies between."""
+    knob = method.knob
+    if knob is None:
+        return st.just(0.0)
+    between = st.floats(math.log(knob.low), math.log(knob.high)).map(
+        lambda drawn: min(max(math.exp(drawn), knob.low), knob.high)
+    )
+    return st.one_of(st.sampled_from(knob.values), between)
