@@ -125,4 +125,6 @@ def _times(mine: float, theirs: float) -> str:
     ratio = mine / theirs
     if ratio < 1.05:
         return ""
+    if ratio > 1000:
+        return "more than 1000"
     return f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.1f}".removesuffix(".0")

@@ -1,0 +1,288 @@
+"""Where the numbers of a report come from.
+
+`measured` runs everything on this machine: errors over the corpus beside the times of all settings and peers, which
+take turns in one run, so that what else the machine does meets all of them alike. `predicted` computes nothing: errors
+are those of the checked-in table, times those that the planner would predict here. It takes milliseconds.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+import re
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+import lichen
+from lichen.accuracy import times
+from lichen.accuracy.metrics import difference
+from lichen.calibration import sweep
+from lichen.calibration.corpus import Case, cases, typical
+from lichen.calibration.peers import Job, Peer, peers
+from lichen.calibration.report import Report, Setting
+from lichen.calibration.table import Entry, load
+from lichen.errors import LichenError
+from lichen.opencl.device import default_device
+from lichen.operation import Facts, InputFacts, Operation, OperationParameters
+
+SIZE = 512
+"""Side of the image that times are for, unless another is asked for."""
+SIZES = (64, 4096)
+TURN = 0.02
+"""Seconds that a setting may take in each turn: a quick one runs several times, since single calls scatter more."""
+MISSING = "its errors are not known: it is not in the table, or took no image of the corpus"
+LONGEST = 1.0
+"""Predicted seconds above which a setting is not timed in a quick run but predicted."""
+
+
+def default_example(operation: Operation[Any]) -> int:
+    """The example that shows most: all methods take it, and another than the first leads clearly; or else the first."""
+    return max(range(len(operation.examples)), key=lambda number: (*_shows(operation, number), -number))
+
+
+def _shows(operation: Operation[Any], number: int) -> tuple[int, bool]:
+    """How many methods take an example, and whether one is predicted to be twice as fast as the first of them."""
+    parameters, facts = operation.validate(operation.examples[number]), _facts(operation, number, SIZE)
+    fit = [each for each in operation.methods.values() if each.unfit(parameters, facts) is None]
+    knobs = [each.knob.values[len(each.knob.values) // 2] if each.knob else 0.0 for each in fit]
+    seconds = [each.seconds("opencl", parameters, knob, facts) for each, knob in zip(fit, knobs, strict=True)]
+    return len(fit), min(seconds) < seconds[0] / 2
+
+
+@lru_cache(256)
+def _facts(operation: Operation[Any], number: int, size: int) -> InputFacts:
+    """Of the corpus's typical image at a size, without making it so large."""
+    parameters = operation.validate(operation.examples[number])
+    return _enlarged(typical(operation, parameters, 32).facts, size)
+
+
+def _enlarged(facts: InputFacts, size: int) -> dict[str, Facts]:
+    return {name: dataclasses.replace(each, height=size, width=size) for name, each in facts.items()}
+
+
+# ---------------------------------------------------------------------------------------------------------- predicted
+
+
+def predicted(
+    operation: Operation[Any], example: int | None = None, *, size: int = SIZE, backend: str | None = None
+) -> Report:
+    """What the table and the time model say of one example. Computes no pixel."""
+    number = default_example(operation) if example is None else example
+    backend = backend or sweep.backends()[0]
+    parameters, facts = operation.validate(operation.examples[number]), _facts(operation, number, size)
+    entries = load().of(operation.name, number)
+    rates = times.current(backend)
+    settings = []
+    for each in sweep.settings(operation):
+        rate = rates.get((operation.name, each.method.name), each.method.rates[backend])
+        seconds = rate.start + rate.step * each.method.work(parameters, each.knob or 0.0, facts)
+        unfit = each.method.unfit(parameters, facts)
+        entry = _entry_of(entries, each)
+        settings.append(_setting(each, seconds, 0.0, entry, unfit or (None if entry else MISSING)))
+    for entry in entries:
+        if entry.precision != sweep.PRECISION and (kept := _kept(settings, entry)):
+            settings.append(_from(entry, kept.seconds, 0.0))
+    known = any(name == operation.name for name, _ in rates)
+    timed = (
+        "were measured on this machine" if known else "come with the library; `lichen calibrate` measures this machine"
+    )
+    source = (
+        f"Errors: the table of this version, images of {entries[0].size if entries else 0} px. "
+        f"Times: predicted for {size} x {size} px from rates that {timed}."
+    )
+    return _report(operation, number, None, backend, size, settings, source, {})
+
+
+def _kept(settings: Sequence[Setting], entry: Entry) -> Setting | None:
+    """The setting in the working precision that a variant belongs to."""
+    return next((each for each in settings if (each.method, each.knob) == (entry.method, entry.knob)), None)
+
+
+# ----------------------------------------------------------------------------------------------------------- measured
+
+
+def measured(
+    operation: Operation[Any],
+    example: int | Mapping[str, Any] | None = None,
+    *,
+    size: int = SIZE,
+    backend: str | None = None,
+    quick: bool = False,
+    tell: Callable[[str], None] = lambda stage: None,
+) -> Report:
+    """Errors and times as found now, peers included. `example` may be other parameters.
+
+    `quick` takes the errors of our own methods from the table and fewer timings. `tell` hears what is going on.
+    """
+    wanted, number, values = operation, 0, None
+    if isinstance(example, Mapping):
+        wanted, values, quick = copy.copy(operation), dict(example), False
+        wanted.examples = (values,)
+    else:
+        number = default_example(operation) if example is None else example
+    parameters = wanted.validate(wanted.examples[number])
+    backend = backend or sweep.backends()[0]
+    tell("errors")
+    entries = load().of(wanted.name, number) if quick else ()
+    entries = entries or tuple(sweep.errors(wanted, number))
+    rivals = list(peers(wanted, parameters))
+    side = entries[0].size if entries else sweep.error_size(wanted, parameters)
+    found = {peer.name: _peer_errors(wanted, parameters, peer, side) for peer in rivals}
+    tell("times")
+    case = typical(wanted, parameters, size)
+    timings = _times(wanted, parameters, case, backend, rivals, 5 if quick else 9, quick)
+    settings = []
+    for each in sweep.settings(wanted):
+        seconds, spread, failed = timings[(each.method.name, each.knob)]
+        entry = _entry_of(entries, each)
+        settings.append(_setting(each, seconds, spread, entry, failed or (None if entry else MISSING)))
+    for peer in rivals:
+        seconds, spread, failed = timings[(peer.name, None)]
+        worst, p999, usual, wrong = found[peer.name]
+        settings.append(
+            Setting(peer.name, None, seconds, worst, usual, p999, spread=spread, peer=True, failed=failed or wrong)
+        )
+    channels = case.inputs[wanted.inputs[0].name].channels
+    source = (
+        f"Errors: worst and median over the corpus, {side} px. "
+        f"Times: medians of interleaved runs, {size} x {size} px, {channels} channels."
+    )
+    versions = {peer.distribution: peer.version for peer in rivals}
+    return _report(wanted, number, values, backend, size, settings, source, versions)
+
+
+Timing = tuple[float, float, str | None]
+
+
+def _times(
+    operation: Operation[Any], parameters: OperationParameters, case: Case, backend: str,
+    rivals: Sequence[Peer], rounds: int, quick: bool,
+) -> dict[tuple[str, float | None], Timing]:  # fmt: skip
+    """Seconds, spread and what went wrong, of settings and peers in turn."""
+    calls: dict[int, Callable[[], object]] = {}
+    names: list[tuple[str, float | None]] = []
+    found: dict[tuple[str, float | None], Timing] = {}
+
+    def enter(name: tuple[str, float | None], call: Callable[[], object]) -> None:
+        try:
+            call()
+        except (LichenError, RuntimeError, ValueError) as failure:
+            found[name] = (math.nan, 0.0, str(failure).partition("\n")[0])
+        else:
+            began = time.perf_counter()
+            call()
+            for _ in range(max(1, min(8, int(TURN / (time.perf_counter() - began + 1e-6))))):
+                calls[len(names)] = call
+                names.append(name)
+
+    for each in sweep.settings(operation):
+        name, unfit = (each.method.name, each.knob), each.method.unfit(parameters, case.facts)
+        predicted = each.method.seconds(backend, parameters, each.knob or 0.0, case.facts)
+        if unfit is not None:
+            found[name] = (math.nan, 0.0, unfit)
+        elif predicted > (LONGEST if quick else 4 * LONGEST):
+            found[name] = (predicted, 0.0, None)
+        else:
+            enter(name, lambda each=each: each.compute(backend, case.inputs, parameters))  # type: ignore[misc]
+    for peer in rivals:
+        enter((peer.name, None), peer.job(case.inputs, parameters).run)
+    taken: dict[tuple[str, float | None], list[float]] = {}
+    for place, kept in sweep.interleaved(calls, rounds).items():
+        taken.setdefault(names[place], []).extend(kept)
+    for name, kept in taken.items():
+        median = statistics.median(kept)
+        low, high = np.quantile(kept, (0.25, 0.75))
+        found[name] = (median, float(high - low) / 2 / median, None)
+    return found
+
+
+def _peer_errors(
+    operation: Operation[Any], parameters: OperationParameters, peer: Peer, side: int
+) -> tuple[float, float, float, str | None]:
+    """Largest, p999 and median RMS error over the corpus's pictures, in the units of the table."""
+    rows = []
+    for case in cases(operation, parameters, side):
+        if case.name.startswith("hard: "):  # no other library promises anything there
+            continue
+        truth = operation.evaluate_truth(case.inputs, parameters)
+        unit = max(1.0, float(np.abs(truth[np.isfinite(truth)]).max(initial=0.0)))
+        try:
+            job: Job = peer.job(case.inputs, parameters)
+            job.run()
+        except (RuntimeError, ValueError) as failure:
+            return math.nan, math.nan, math.nan, str(failure).partition("\n")[0]
+        apart = difference(job.pixels().astype(np.float32), truth)
+        rows.append((apart.largest / unit, apart.p999 / unit, apart.rms / unit))
+    largest, p999, rms = zip(*rows, strict=True)
+    return max(largest), max(p999), statistics.median(rms), None
+
+
+# ------------------------------------------------------------------------------------------------------------- common
+
+
+def _entry_of(entries: Sequence[Entry], setting: sweep.Setting) -> Entry | None:
+    wanted = (setting.method.name, setting.knob, sweep.PRECISION)
+    return next((each for each in entries if (each.method, each.knob, each.precision) == wanted), None)
+
+
+def _setting(each: sweep.Setting, seconds: float, spread: float, entry: Entry | None, failed: str | None) -> Setting:
+    if failed is not None or entry is None:
+        nan = math.nan
+        return Setting(each.method.name, each.knob, nan, nan, nan, nan, failed=failed)
+    return _from(entry, seconds, spread)
+
+
+def _from(entry: Entry, seconds: float, spread: float) -> Setting:
+    return Setting(
+        entry.method,
+        entry.knob,
+        seconds,
+        entry.largest,
+        entry.typical_rms,
+        entry.p999,
+        entry.stated,
+        entry.kind,
+        entry.precision,
+        spread,
+    )
+
+
+def _report(
+    operation: Operation[Any], number: int, values: Mapping[str, Any] | None, backend: str, size: int,
+    settings: Sequence[Setting], source: str, versions: Mapping[str, str],
+) -> Report:  # fmt: skip
+    parameters = operation.examples[number]
+    options = "".join(f" --{name.replace('_', '-')} {value}" for name, value in (values or {}).items())
+    which = options if values is not None else f" --example {number}"
+    return Report(
+        operation=operation.name,
+        parameters=parameters,
+        example=None if values is not None else number,
+        device=backend,
+        size=size,
+        settings=tuple(settings),
+        knobs={method.name: method.knob.name for method in operation.methods.values() if method.knob},
+        source=source,
+        machine=machine(backend, versions),
+        command=f"lichen accuracy {operation.name}{which} --size {size} --device {backend}",
+    )
+
+
+def machine(backend: str, further: Mapping[str, str]) -> dict[str, str]:
+    """The hardware and the versions that count, in words."""
+    known = times.machine(backend)
+    device = default_device() if backend == "opencl" else None
+    number = known["processors"]
+    words = {"processor": f"{known['processor']}, {number} processor{'s' if number != 1 else ''}"}
+    if device is not None:
+        brief = re.search(r"PoCL [\d.]+", device.runtime)
+        words["runtime"] = brief.group() if brief else device.runtime.partition("  ")[0]
+    words["lichen"] = f"Lichen {lichen.__version__}"
+    words["numpy"] = f"NumPy {np.__version__}"
+    return words | {name: f"{name} {version}" for name, version in further.items()}

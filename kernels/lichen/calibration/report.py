@@ -1,0 +1,326 @@
+"""What the accuracy of one operation costs: its settings judged, priced and put into words.
+
+A report holds one example of an operation on one device and at one image size. Every method at every setting of its
+knob is a `Setting` with seconds and errors, whatever became of it: settings off the Pareto front stay and say which
+other one to take instead, settings that failed stay and say why. Peers, other libraries' functions that compute the
+same thing, are measured in the same run and judged against our front, never on it.
+
+Two errors count. The worst is the largest difference from truth anywhere in the corpus, the typical one the median
+over its images of the RMS difference. Settings are ranked by the worst, unless all settings share it: then no accuracy
+can be bought there, and the typical error ranks them.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+from lichen.accuracy.frontier import Cost, Price, compare, dominators, front, prices, worthwhile
+
+Ranking = Literal["worst", "typical"]
+Standing = Literal["worthwhile", "front", "dominated", "variant", "failed", "peer"]
+PLAIN = "float32"
+SEPARATED = 4.0
+"""The worst cases of a method's settings differ by this factor at least where accuracy can be bought there."""
+SHORT = 1.2
+"""Digits that a front must span to speak of digits; one that spans less is told in halves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One way to compute the example. Errors in output units; NaN where it failed."""
+
+    method: str
+    knob: float | None
+    seconds: float
+    worst: float
+    typical: float
+    p999: float
+    stated: float | None = None
+    """the error that a reply states; None for a peer, which states none"""
+    kind: str = "measured"
+    precision: str = PLAIN
+    spread: float = 0.0
+    """half the range in which the middle half of the timings lie, over their median; 0 where time is predicted"""
+    peer: bool = False
+    failed: str | None = None
+
+    @property
+    def label(self) -> str:
+        name = self.method if self.knob is None else f"{self.method} at {short(self.knob)}"
+        return name if self.precision == PLAIN else f"{name}, {self.precision}"
+
+    def cost(self, ranking: Ranking) -> Cost:
+        return Cost(self.worst if ranking == "worst" else self.typical, self.seconds)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Where a setting stands. `instead` is the setting to take in its place."""
+
+    standing: Standing
+    reason: str
+    instead: Setting | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """All settings of one example on one device at one size."""
+
+    operation: str
+    parameters: Mapping[str, Any]
+    example: int | None
+    """its place among the operation's examples; None for other parameters"""
+    device: str
+    size: int
+    """side of the square image, px"""
+    settings: tuple[Setting, ...]
+    knobs: Mapping[str, str]
+    """the name of each method's knob"""
+    source: str
+    """how times and errors are known, a sentence"""
+    machine: Mapping[str, str] = field(default_factory=dict)
+    command: str = ""
+
+    @cached_property
+    def ours(self) -> list[int]:
+        """Indices of our own settings in the working precision, those that failed included."""
+        return [i for i, each in enumerate(self.settings) if not each.peer and each.precision == PLAIN]
+
+    @cached_property
+    def ranking(self) -> Ranking:
+        errors = [self.settings[i].worst for i in self.ours if self.settings[i].cost("worst").known]
+        typical = [self.settings[i].typical for i in self.ours if self.settings[i].cost("worst").known]
+        flat = len(errors) > 1 and min(errors) > 0 and max(errors) < SEPARATED * min(errors)
+        buys = len(typical) > 1 and max(typical) > 1.5 * min(typical) and max(typical) < 0.5 * max(errors)
+        return "typical" if flat and buys else "worst"
+
+    @cached_property
+    def costs(self) -> list[Cost]:
+        """Of our settings in the working precision, in the order of `ours`."""
+        return [self.settings[i].cost(self.ranking) for i in self.ours]
+
+    @cached_property
+    def front(self) -> list[Setting]:
+        """Fastest first."""
+        return [self.settings[self.ours[i]] for i in front(self.costs)]
+
+    @cached_property
+    def worthwhile(self) -> list[Setting]:
+        """The part of the front that someone has a reason to take, fastest first."""
+        return [self.settings[self.ours[i]] for i in worthwhile(self.costs)]
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """For each setting, in their order."""
+        chosen, kept = {id(each) for each in self.worthwhile}, {id(each) for each in self.front}
+        instead = dict(zip(self.ours, dominators(self.costs), strict=True))
+        found = []
+        for i, setting in enumerate(self.settings):
+            if setting.failed is not None:
+                found.append(Verdict("failed", setting.failed))
+            elif id(setting) in chosen:
+                found.append(Verdict("worthwhile", "nothing is as fast and as accurate"))
+            elif id(setting) in kept:
+                found.append(self._step(setting))
+            elif (taken := instead.get(i)) is not None:
+                better = self.settings[self.ours[taken]]
+                said = compare(setting.cost(self.ranking), better.cost(self.ranking))
+                found.append(Verdict("dominated", f"{better.label} is {said}", better))
+            else:
+                found.append(self._beside(setting))
+        return tuple(found)
+
+    def _step(self, setting: Setting) -> Verdict:
+        """On the front, but nobody has a reason to take it."""
+        mine = setting.cost(self.ranking)
+        for other in self.worthwhile:
+            theirs = other.cost(self.ranking)
+            if theirs.error < mine.error and mine.seconds < theirs.seconds <= mine.seconds * 1.03:
+                said = f"{other.label} is more accurate for {more(theirs.seconds / mine.seconds)}"
+                return Verdict("front", said, other)
+        cheaper = [each for each in self.worthwhile if each.seconds < setting.seconds]
+        other = cheaper[-1] if cheaper else self.worthwhile[0]
+        gain = other.cost(self.ranking).error / mine.error
+        return Verdict("front", f"only {gain:.2g} times as accurate as {other.label}, which is faster", other)
+
+    def _beside(self, setting: Setting) -> Verdict:
+        """A peer, or a variant of precision, against our front."""
+        mine = setting.cost(self.ranking)
+        standing: Standing = "peer" if setting.peer else "variant"
+        for other in self.front:
+            theirs = other.cost(self.ranking)
+            if theirs.error <= mine.error:
+                if theirs.seconds <= mine.seconds:
+                    return Verdict(standing, f"{other.label} is {compare(mine, theirs)}", other)
+                said = f"{other.label}, the fastest of ours as accurate, takes {more(theirs.seconds / mine.seconds)}"
+                return Verdict(standing, said, other)
+        return Verdict(standing, "nothing of ours is as accurate")
+
+    @cached_property
+    def prices(self) -> list[Price]:
+        """The least time for each round error between the fastest setting's and the most accurate one's."""
+        errors = [each.cost(self.ranking).error for each in self.front if each.cost(self.ranking).error > 0]
+        return prices(self.costs, round_errors(max(errors), min(errors))) if errors else []
+
+    @property
+    def headline(self) -> str:
+        """What one more digit costs, in a sentence or two."""
+        if not self.front:
+            return "No method could run."
+        first, last = (self.front[i].cost(self.ranking) for i in (0, -1))
+        what = "error" if self.ranking == "worst" else "typical error"
+        if len(self.front) == 1:
+            label = capital(self.front[0].label)
+            return f"{label} is the fastest and the most accurate: {what} {scientific(first.error)}."
+        span = f"from {scientific(first.error)} to {scientific(last.error)}"
+        ratio = last.seconds / first.seconds
+        digits = math.log10(first.error / last.error) if last.error > 0 else math.inf
+        if digits >= SHORT:
+            return f"One more digit costs {more(ratio ** (1 / digits))} on average; {span}, {more(ratio)}."
+        if digits > math.log10(2):
+            return f"Half the {what} costs {more(ratio ** (math.log10(2) / digits))} on average; {span}, {more(ratio)}."
+        return f"The {what} falls {span} for {more(ratio)}."
+
+    @property
+    def remark(self) -> str:
+        """What the headline must not hide."""
+        if self.ranking == "typical":
+            worst = [self.settings[i].worst for i in self.ours if self.settings[i].failed is None]
+            return (
+                f"The worst case lies between {scientific(min(worst))} and {scientific(max(worst))} at every setting; "
+                "what time buys is the error of all but a few pixels."
+            )
+        return ""
+
+    @property
+    def image(self) -> str:
+        return f"{self.size} x {self.size} px"
+
+    @property
+    def title(self) -> str:
+        brief = {name: str(value) for name, value in self.parameters.items()}
+        shown = ", ".join(f"{name}={text if len(text) <= 24 else '...'}" for name, text in brief.items())
+        return f"{self.operation}  {shown}" if shown else self.operation
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values, apart from errors that are NaN where a setting failed."""
+        return {
+            "operation": self.operation,
+            "parameters": dict(self.parameters),
+            "example": self.example,
+            "device": self.device,
+            "size": self.size,
+            "source": self.source,
+            "ranked_by": self.ranking,
+            "headline": self.headline,
+            "remark": self.remark,
+            "prices": [self._price(each) for each in self.prices],
+            "settings": [
+                _setting(setting, verdict, self.knobs)
+                for setting, verdict in zip(self.settings, self.verdicts, strict=True)
+            ],
+            "machine": dict(self.machine),
+            "command": self.command,
+        }
+
+    def _price(self, price: Price) -> dict[str, Any]:
+        setting = None if price.index is None else self.settings[self.ours[price.index]]
+        return {
+            "error": price.error,
+            "milliseconds": price.seconds * 1e3,
+            "method": setting and setting.method,
+            "knob": setting and setting.knob,
+        }
+
+
+def _setting(setting: Setting, verdict: Verdict, knobs: Mapping[str, str]) -> dict[str, Any]:
+    instead = verdict.instead
+    return {
+        "method": setting.method,
+        "knob": setting.knob,
+        "knob_name": knobs.get(setting.method),
+        "precision": setting.precision,
+        "peer": setting.peer,
+        "milliseconds": setting.seconds * 1e3,
+        "spread": setting.spread,
+        "stated": setting.stated,
+        "kind": setting.kind,
+        "worst": setting.worst,
+        "p999": setting.p999,
+        "typical": setting.typical,
+        "on_front": verdict.standing in ("worthwhile", "front"),
+        "standing": verdict.standing,
+        "dominated_by": instead and {"method": instead.method, "knob": instead.knob},
+        "reason": verdict.reason,
+        "failed": setting.failed,
+    }
+
+
+# ------------------------------------------------------------------------------------------------------------ words
+
+
+def scientific(value: float, digits: int = 2, plain: float = 0.01) -> str:
+    """Short and the same everywhere; without an exponent from `plain` to 1000.
+
+    >>> scientific(0.000123), scientific(1e-3), scientific(0.25), scientific(0.0)
+    ('1.2e-4', '1e-3', '0.25', '0')
+    """
+    if value == 0:
+        return "0"
+    if not math.isfinite(value):
+        return str(value)
+    if plain <= abs(value) < 1000:
+        return f"{value:.{digits}g}"
+    mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
+    return f"{mantissa.rstrip('0').rstrip('.') if '.' in mantissa else mantissa}e{int(power)}"
+
+
+def round_errors(most: float, least: float) -> list[float]:
+    """Powers of ten from just above `most` down to above `least`; with twos and fives where they are few.
+
+    >>> round_errors(3e-3, 2e-5), round_errors(0.15, 0.04)
+    ([0.01, 0.001, 0.0001], [0.2, 0.1, 0.05])
+    """
+    digits = math.log10(most / least)
+    steps = (1,) if digits >= SHORT else (5, 2, 1)
+    first, last = math.ceil(math.log10(most)), math.floor(math.log10(least))
+    ladder = [float(f"{step}e{power}") for power in range(first, last - 1, -1) for step in steps]
+    above = [error for error in ladder if error >= most]
+    return [*above[-1:], *(error for error in ladder if least <= error < most)]
+
+
+def short(knob: float) -> str:
+    """A knob's value as its author wrote it: 1e-4, 0.25, 4096."""
+    return f"{knob:g}" if 0.1 <= abs(knob) < 1e6 else scientific(knob, plain=0.1)
+
+
+def milliseconds(seconds: float) -> str:
+    """Two significant digits: 0.042 ms, 1.8 ms, 240 ms."""
+    value = seconds * 1e3
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.0f} ms" if value >= 9.95 else f"{value:.2g} ms"
+
+
+def more(ratio: float) -> str:
+    """How much longer: as a share below two, as a multiple above.
+
+    >>> more(1.18), more(3.1)
+    ('18 % more time', '3.1 times the time')
+    """
+    if ratio < 1.95:
+        return f"{max(0.0, ratio - 1) * 100:.0f} % more time"
+    return f"{ratio:.0f} times the time" if ratio >= 9.95 else f"{ratio:.1f} times the time"
+
+
+def capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def middle(values: Sequence[float]) -> float:
+    return statistics.median(values) if values else math.nan
