@@ -23,6 +23,7 @@ from lichen_service.formats import readable
 from lichen_service.http.message import Admission, Head, Request, Response
 from lichen_service.readiness import Readiness, example
 from lichen_service.refusals import Refusal, internal, refusal_of
+from lichen_service.routes.accuracy import Accuracy
 from lichen_service.routes.catalogue import Catalogue
 from lichen_service.routes.running import Running
 from lichen_service.routes.system import System
@@ -43,12 +44,14 @@ class Service:
         self._settings = settings
         self.readiness = Readiness(self._canary)
         self._running = Running(settings)
-        system, described = System(settings, self.readiness), Catalogue(settings)
+        system, described, accuracy = System(settings, self.readiness), Catalogue(settings), Accuracy()
         run = self._running.run
         self.routes = (
             Route("/", {"GET": system.index}),
             Route("/v1/operations", {"GET": described.list}),
             Route("/v1/operations/{name}", {"GET": described.describe, "POST": run, "QUERY": run}, bodies=True),
+            Route("/v1/accuracy", {"GET": accuracy.list}),
+            Route("/v1/accuracy/{name}", {"GET": accuracy.one}),
             Route("/v1/limits", {"GET": system.limits}),
             Route("/v1/version", {"GET": system.version}),
             Route("/openapi.json", {"GET": system.openapi}),
@@ -68,7 +71,7 @@ class Service:
 
     def _admit(self, head: Head) -> Admission | Response:
         match = find(self.routes, head)
-        if match.name:
+        if match.name and match.route.bodies:
             catalogue.operation(match.name)
         if match.route.template == "/livez" and not head.length:
             return self._handle(Request(head, b""))

@@ -17,6 +17,10 @@ def path_of(name: str) -> str:
     return f"/v1/operations/{name}"
 
 
+def accuracy_path_of(name: str) -> str:
+    return f"/v1/accuracy/{name}"
+
+
 def summary_of(operation: Operation[Any]) -> dict[str, Any]:
     """One entry of the list of operations."""
     return {
@@ -41,7 +45,12 @@ def description_of(operation: Operation[Any], settings: Settings) -> dict[str, A
         "methods": [_method(each) for each in operation.methods.values()],
         "hard_cases": [{"name": each.name, "why": each.why} for each in operation.hard_cases],
         "limits": limits_of(settings),
-        "links": {"self": path_of(operation.name), "operations": "/v1/operations", "openapi": "/openapi.json"},
+        "links": {
+            "self": path_of(operation.name),
+            "accuracy": accuracy_path_of(operation.name),
+            "operations": "/v1/operations",
+            "openapi": "/openapi.json",
+        },
     }
 
 

@@ -13,7 +13,9 @@ from typing import Any
 import lichen
 from lichen.files import FORMATS
 from lichen.operation import Knob, Operation
-from lichen_service.descriptions import inlined, options_schema, path_of
+from lichen_service.descriptions import accuracy_path_of, inlined, options_schema, path_of
+from lichen_service.routes.accuracy import FORMS as ACCURACY_FORMS
+from lichen_service.routes.accuracy import View
 from lichen_service.uploads import FORM
 
 _PROBLEM = "application/problem+json"
@@ -42,7 +44,11 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
             "description": "Image operations whose accuracy has a stated price. "
             "Wherever POST runs an operation, QUERY (RFC 10008) does the same, safely and idempotently.",
         },
-        "paths": {**_fixed_paths(), **{path_of(name): _path(each) for name, each in operations.items()}},
+        "paths": {
+            **_fixed_paths(),
+            accuracy_path_of("{name}"): _accuracy_path(operations),
+            **{path_of(name): _path(each) for name, each in operations.items()},
+        },
         "components": {"schemas": {"Problem": _problem_schema()}, "responses": _responses()},
     }
 
@@ -50,6 +56,7 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
 def _fixed_paths() -> dict[str, Any]:
     json_paths = {
         "/v1/operations": ("listOperations", "The operations there are"),
+        "/v1/accuracy": ("listAccuracy", "What one more digit costs, for every operation"),
         "/v1/limits": ("getLimits", "What one request may ask for"),
         "/v1/version": ("getVersion", "Versions of the engine, its device and its libraries"),
         "/openapi.json": ("getOpenapi", "This document"),
@@ -74,6 +81,30 @@ def _fixed_paths() -> dict[str, Any]:
         }
     }
     return paths
+
+
+def _accuracy_path(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
+    fields = inlined(View.model_json_schema())["properties"]
+    names = [f"{name}{suffix}" for name in operations for suffix in ("", *(f".{form}" for form in ACCURACY_FORMS))]
+    return {
+        "get": {
+            "operationId": "getAccuracy",
+            "summary": "What accuracy costs: errors and times of all settings, and which are worth taking",
+            "description": "A suffix names the form: JSON, a plot as SVG or as PNG. Without one `Accept` decides.",
+            "parameters": [
+                {"name": "name", "in": "path", "required": True, "schema": {"type": "string", "enum": names}},
+                *(_parameter(name, each, False) for name, each in fields.items()),
+            ],
+            "responses": {
+                "200": {
+                    "description": "The report",
+                    "content": {each: {"schema": {}} for each in ACCURACY_FORMS.values()},
+                },
+                "304": _reference("Unchanged"),
+                "default": _reference("Problem"),
+            },
+        }
+    }
 
 
 def _path(operation: Operation[Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any
 import lichen
 from lichen import catalogue
 from lichen.opencl.device import default_device, status
-from lichen_service.descriptions import limits_of, path_of
+from lichen_service.descriptions import accuracy_path_of, limits_of, path_of
 from lichen_service.documents import canonical, document, momentary
 from lichen_service.http.message import Request, Response
 from lichen_service.openapi import openapi
@@ -93,12 +93,21 @@ def _page() -> bytes:
     """A plain page for whoever opens the service in a browser."""
     rows = "".join(
         f'<tr><td><a href="{html.escape(path_of(name))}">{html.escape(name)}</a></td>'
-        f"<td>{html.escape(each.family)}</td><td>{html.escape(each.summary)}</td></tr>"
+        f"<td>{html.escape(each.family)}</td><td>{html.escape(each.summary)}</td>"
+        f'<td><a href="{html.escape(accuracy_path_of(name))}.svg">accuracy</a></td></tr>'
         for name, each in catalogue.operations().items()
     )
     links = " · ".join(
         f'<a href="{path}">{path}</a>'
-        for path in ("/v1/operations", "/v1/limits", "/v1/version", "/openapi.json", "/livez", "/readyz")
+        for path in (
+            "/v1/operations",
+            "/v1/accuracy",
+            "/v1/limits",
+            "/v1/version",
+            "/openapi.json",
+            "/livez",
+            "/readyz",
+        )
     )
     return f"""<!doctype html>
 <html lang="en">
