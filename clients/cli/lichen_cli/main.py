@@ -19,6 +19,7 @@ COMMANDS = {
     "serve": ("lichen_cli.serve", "answer requests over HTTP"),
     "run": ("lichen_cli.run", "run an operation on image files"),
     "operations": ("lichen_cli.operations", "list the operations, or describe one"),
+    "accuracy": ("lichen_cli.accuracy", "show what accuracy costs in time"),
     "doctor": ("lichen_cli.doctor", "find out what works on this machine, and why the rest does not"),
 }
 

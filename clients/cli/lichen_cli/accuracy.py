@@ -1,0 +1,188 @@
+"""`lichen accuracy [NAME]`: what accuracy costs, in the terminal or as a plot.
+
+Without a name: for every operation in a line, from the table of errors and the time model of this machine. With one:
+measured here and now, beside the same function of other installed libraries; `--predict` takes the table and the time
+model instead. Parameters of the operation are options, as in `lichen run`; without any, `--example` chooses a set.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lichen_cli.main import Parser, Usage
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from lichen.calibration.report import Report, Setting, Verdict
+
+MARKS = {"worthwhile": "*", "front": "+", "failed": "x"}
+_LEGEND = "* worth its time   + on the front, but hardly worth it   x could not run"
+
+
+def main(arguments: Sequence[str]) -> int:
+    parser = _parser()
+    given, rest = parser.parse_known_args(list(arguments))
+    if given.name is None:
+        if rest or given.example is not None or given.svg or given.png:
+            raise Usage(f"name an operation first; see {parser.prog} --help")
+        _overview(given)
+        return 0
+    report = _report(given, _values(rest, parser))
+    if given.svg or given.png:
+        _draw(report, given)
+    if given.json:
+        from lichen_service.documents import plain
+
+        print(json.dumps(plain(report.to_json()), indent=2, ensure_ascii=False))
+    else:
+        _print(report)
+    return 0
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="lichen accuracy",
+        usage="lichen accuracy [NAME] [--PARAMETER VALUE ...] [options]",
+        description="Show what accuracy costs in time: for all operations, or measured for one.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("name", nargs="?", help="the operation; its parameters are options, as in `lichen run`")
+    parser.add_argument("--example", type=int, metavar="N", help="take the operation's example N instead of parameters")
+    parser.add_argument("--size", type=int, default=512, metavar="N", help="side of the image that is timed, px")
+    parser.add_argument("--device", choices=("opencl", "numpy"), help="default: OpenCL if it works, else NumPy")
+    parser.add_argument("--predict", action="store_true", help="measure nothing: show the table and the time model")
+    parser.add_argument("--quick", action="store_true", help="take our own errors from the table, and fewer timings")
+    parser.add_argument("--json", action="store_true", help="print JSON, as the service does")
+    parser.add_argument("--svg", metavar="FILE", help="write the plot")
+    parser.add_argument("--png", metavar="FILE", help="write the plot as a picture")
+    return parser
+
+
+def _values(rest: Sequence[str], parser: Parser) -> dict[str, str]:
+    """Parameters from what the parser did not know: --name value or --name=value."""
+    values: dict[str, str] = {}
+    tokens = list(rest)
+    while tokens:
+        token = tokens.pop(0)
+        if not token.startswith("--"):
+            raise Usage(f"{token}: one operation at a time; see {parser.prog} --help")
+        name, given, value = token[2:].partition("=")
+        if not given:
+            if not tokens:
+                raise Usage(f"{token}: expected one argument; see {parser.prog} --help")
+            value = tokens.pop(0)
+        values[name.replace("-", "_")] = value
+    return values
+
+
+def _report(given: Any, values: dict[str, str]) -> Report:
+    from rich.console import Console
+
+    from lichen.calibration import gather
+    from lichen.catalogue import operation
+
+    chosen = operation(given.name)
+    if not gather.SIZES[0] <= given.size <= gather.SIZES[1]:
+        raise Usage(f"--size must lie between {gather.SIZES[0]} and {gather.SIZES[1]}")
+    if given.example is not None and not 0 <= given.example < len(chosen.examples):
+        raise Usage(f"--example must lie between 0 and {len(chosen.examples) - 1}")
+    if values and (given.example is not None or given.predict):
+        raise Usage("parameters are measured: leave out --example and --predict, or the parameters")
+    if given.predict:
+        return gather.predicted(chosen, given.example, size=given.size, backend=given.device)
+    parameters = chosen.validate(values).model_dump(mode="json", exclude_unset=True) if values else None
+    with Console(stderr=True).status("measuring") as status:
+        return gather.measured(
+            chosen,
+            parameters or given.example,
+            size=given.size,
+            backend=given.device,
+            quick=given.quick,
+            tell=lambda stage: status.update(f"measuring {stage}"),
+        )
+
+
+def _draw(report: Report, given: Any) -> None:
+    from lichen.calibration.drawing import to_png, to_svg
+    from lichen.calibration.plot import plot
+
+    drawing = plot(report)
+    if given.svg:
+        Path(given.svg).write_bytes(to_svg(drawing))
+    if given.png:
+        Path(given.png).write_bytes(to_png(drawing))
+
+
+def _overview(given: Any) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from lichen.calibration import gather
+    from lichen.catalogue import operations
+
+    reports = [gather.predicted(each, size=given.size, backend=given.device) for each in operations().values()]
+    if given.json:
+        from lichen_service.documents import plain
+
+        print(json.dumps(plain([report.to_json() for report in reports]), indent=2, ensure_ascii=False))
+        return
+    table = Table("operation", "what accuracy costs", box=None)
+    for report in reports:
+        table.add_row(report.title, report.headline)
+    Console().print(table, markup=False)
+
+
+def _print(report: Report) -> None:
+    from rich.console import Console
+
+    console = Console()
+    console.print(report.title, style="bold", markup=False, highlight=False)
+    for line in (report.headline, report.remark):
+        if line:
+            console.print(line, markup=False, highlight=False)
+    console.print()
+    console.print(_table(report))
+    console.print(_LEGEND, style="dim", markup=False)
+    for line in (", ".join((f"{report.device}, {report.image}", *report.machine.values())), report.source):
+        console.print(line, style="dim", markup=False, highlight=False)
+
+
+def _table(report: Report) -> Table:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for name in ("", "method", "knob", "stored", "time", "+-", "worst", "typical", "stated", "why"):
+        numeric = name in ("time", "+-", "worst", "typical", "stated")
+        table.add_column(name, justify="right" if numeric else "left", no_wrap=name != "why")
+    pairs = list(zip(report.settings, report.verdicts, strict=True))
+    some = any(setting.precision != "float32" for setting, _ in pairs)
+    table.columns[3].header = "stored" if some else ""
+    for setting, verdict in pairs:
+        style = "bold" if verdict.standing == "worthwhile" else "dim" if verdict.standing != "front" else ""
+        table.add_row(*_row(report, setting, verdict, some), style=style)
+    return table
+
+
+def _row(report: Report, setting: Setting, verdict: Verdict, stored: bool) -> list[str]:
+    from rich.markup import escape
+
+    from lichen.calibration.report import milliseconds, scientific, short
+
+    knob = "" if setting.knob is None else f"{report.knobs.get(setting.method, '')} {short(setting.knob)}"
+    numbers = ["", "", "", "", ""]
+    if setting.failed is None:
+        stated = "" if setting.stated is None else f"{scientific(setting.stated)} {setting.kind}"
+        spread = f"{setting.spread * 100:.0f} %" if setting.spread else ""
+        numbers = [
+            milliseconds(setting.seconds),
+            spread,
+            scientific(setting.worst),
+            scientific(setting.typical),
+            stated,
+        ]
+    named = [MARKS.get(verdict.standing, ""), setting.method, knob, setting.precision if stored else ""]
+    return [escape(each) for each in (*named, *numbers, verdict.reason)]
