@@ -1,0 +1,32 @@
+// Levels over a flat run of samples. levels.py holds the formulas and says why they are written so.
+//
+// Definitions: COVERAGE (flat.clh), CLAMPED 0 or 1, CURVED 1 where there is an exponent, CHANNELS of a sample.
+// `k` holds five runs of CHANNELS + 16 numbers, one for each channel and over again, so that sixteen lanes read their
+// own wherever a vector begins: black, black's rest, scale, base, exponent. Clamped or curved, scale is that to [0, 1]
+// and a sixth run, the output's span, takes it from there.
+
+#include "flat.clh"
+#include "numeric.clh"
+
+#define RUN (CHANNELS + 16)
+
+kernel void levels(global const float *restrict in, global float *restrict out, global const float *restrict k,
+                   ulong samples)
+{
+    ulong at = get_global_id(0) * (ulong)FLAT_WIDTH;
+    if (at >= samples)
+        return;
+    float16 x = flat_load(in, at, samples);
+    global const float *own = k + at % CHANNELS;
+    float16 t = ((x - vload16(0, own)) - vload16(0, own + RUN)) * vload16(0, own + 2 * RUN);
+#if CLAMPED
+    t = num_clamp(t, (float16)(0.0f), (float16)(1.0f));
+#endif
+#if CURVED
+    t = copysign(num_pow(fabs(t), vload16(0, own + 4 * RUN)), t);
+#endif
+#if CLAMPED || CURVED
+    t *= vload16(0, own + 5 * RUN);
+#endif
+    flat_store(flat_keep_coverage(t + vload16(0, own + 3 * RUN), x, at), out, at, samples);
+}
