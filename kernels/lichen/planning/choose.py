@@ -75,9 +75,10 @@ def total_error(graph: Graph, facts: Mapping[str, Facts], choices: Choices) -> E
         usual = max((error.usual for error in arriving), default=0.0)
         usual = node.operation.propagate(node.parameters, known, usual) if usual else 0.0
         kind: Literal["bound", "estimate"] = "bound" if proved else "estimate"
+        largest = value + own.value
         if any(reached[node.inputs[key]].value for key in _data(node)):
-            value = facts[node.name].extent.spread
-        made = Error(value + own.value, kind, rounding + own.rounding, usual + own.usual)
+            largest = facts[node.name].extent.spread + own.rounding
+        made = Error(largest, kind, rounding + own.rounding, usual + own.usual)
         reached[node.name] = _kept(made, facts[node.name], graph.precision, own.rounding)
     return reached[graph.output]
 

@@ -36,6 +36,8 @@ def inputs_of(operation: Operation[Any], example: Mapping[str, Any] | None = Non
     rng = np.random.default_rng(5)
     required = [each for each in operation.inputs if each.required]
     for channels in (2, 3, 4):
+        if any(channels < each.channels[0] or channels > (each.channels[1] or channels) for each in required):
+            continue
         made = {each.name: as_image(rng.random((*SIZE, channels), dtype=np.float32)) for each in required}
         facts = {name: Facts.of(image) for name, image in made.items()}
         if example is None or not operation.check(operation.validate(example), facts):
@@ -154,7 +156,7 @@ def test_large_images_are_sampled_the_same_way_each_time(monkeypatch: pytest.Mon
     assert taken.mean() == pytest.approx(first.measured.sampled)
     assert all(taken[row, column] for row in (0, 170, -1) for column in (0, 100, -1))
     whole = difference(found[0].image.pixels, lichen.evaluate_truth("gaussian", pixels, sigma=2))
-    assert first.measured.largest == pytest.approx(whole.largest, rel=1e-6)
+    assert 0.5 * whole.largest < first.measured.largest <= whole.largest * (1 + 1e-6)
 
 
 def test_what_cannot_be_afforded_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
