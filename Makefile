@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 HOST ?= 127.0.0.1
 PORT ?= 8080
+DRAWS ?= 20000
 ARGS ?=
 
 BIN := $(VENV)/bin
@@ -14,7 +15,7 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install develop serve test lint format bench audit lock container-test clean
+.PHONY: help install develop serve test lint format fuzz bench audit lock container-test clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z-]*\):[^#]*## */  make \1 @/p' $(firstword $(MAKEFILE_LIST)) | awk -F@ '{ printf "%-24s%s\n", $$1, $$2 }'
@@ -41,6 +42,9 @@ lint: $(VENV)/.development ## check style, types, the order of imports and the C
 format: $(VENV)/.development ## bring the source into the house style
 	@$(BIN)/ruff check --quiet --fix .
 	@$(BIN)/ruff format --quiet .
+
+fuzz: $(VENV)/.development ## hold every stated error to twenty thousand drawn images and parameters (DRAWS=...)
+	@LICHEN_DRAWS=$(DRAWS) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py $(ARGS)
 
 bench: $(VENV)/.development ## measure speed and error beside the peers
 	@set -e; for script in $(or $(ARGS),tests/benchmarks/bench_*.py); do $(BIN)/python $$script; done

@@ -158,6 +158,16 @@ def test_the_report_as_json(command: Lichen, photo: Path, tmp_path: Path) -> Non
     assert (report["output"]["width"], report["output"]["height"], report["output"]["channels"]) == (17, 12, 3)
 
 
+def test_a_run_can_be_verified(command: Lichen, photo: Path, tmp_path: Path) -> None:
+    arguments = ("run", "gaussian", photo, tmp_path / "soft.npy", "--sigma", "2", "--verify", "--precision", "fixed8")
+    status, _, err = command(*arguments)
+    assert status == 0
+    assert re.search(r"error at most 0\.00\d+ \((bound|estimate)\), measured 0\.00\d+ \(", err)
+    measured = json.loads(command(*arguments, "--json")[1])["measured"]
+    assert 0 < measured["rms"] <= measured["p999"] <= measured["largest"]
+    assert (measured["sampled"], measured["mismatched"]) == (1, 0)
+
+
 def test_a_plan_is_printed_and_nothing_is_written(command: Lichen, photo: Path, tmp_path: Path) -> None:
     status, out, _ = command("run", "gaussian", photo, "--sigma", "2", "--explain")
     assert status == 0

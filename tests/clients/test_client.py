@@ -236,6 +236,7 @@ def test_the_report_is_read_from_the_header_fields(call: Call, server: Any, answ
         ("Lichen-Method", "fir"),
         ("Lichen-Device", "opencl"),
         ("Lichen-Error", "1.2e-5; bound; max"),
+        ("Lichen-Measured", "1.1e-6; measured; max; sampled=0.25; p999=9e-7; rms=2e-7; mismatched=1"),
         ("Lichen-Skipped", "identity: 1"),
         ("Lichen-Nonfinite", "3"),
         ("ETag", '"abc"'),
@@ -245,6 +246,7 @@ def test_the_report_is_read_from_the_header_fields(call: Call, server: Any, answ
     report = call("run", "gaussian", b"x").report
     assert (report.method, report.device, report.skipped) == ("fir", "opencl", "identity: 1")
     assert (report.error.value, report.error.kind, report.error.metric) == (1.2e-5, "bound", "max")
+    assert report.measured == lichen_client.Measured(1.1e-6, 9e-7, 2e-7, 1, 0.25)
     assert report.timing == {"queue": 0.0005, "decode": 0.00125, "total": 2.0}
     assert (report.nonfinite, report.etag, report.request_id) == (3, '"abc"', "r1")
 
@@ -252,7 +254,9 @@ def test_the_report_is_read_from_the_header_fields(call: Call, server: Any, answ
 def test_a_report_without_or_with_garbled_fields_is_empty() -> None:
     for garbled in ({}, {"lichen-error": "?", "lichen-nonfinite": "-", "server-timing": "a;dur=x,,;"}):
         report = lichen_client.Report.read(garbled)
-        assert (report.error, report.nonfinite, report.timing) == (None, None, {})
+        assert (report.error, report.measured, report.nonfinite, report.timing) == (None, None, None, {})
+    for unmeasured in ('none; reason="it would take about 9 s"', "1; measured; max; sampled=x", "?"):
+        assert lichen_client.Report.read({"lichen-measured": unmeasured}).measured is None
 
 
 def test_an_encoded_result_has_bytes_and_no_array(server: Any, answer: Any, tmp_path: Path) -> None:

@@ -122,6 +122,15 @@ def test_identity_returns_every_sample_bit_for_bit(client: Client) -> None:
     assert "identity" in result.report.skipped
 
 
+def test_a_result_can_be_verified(client: Client, image: np.ndarray) -> None:
+    report = client.run("gaussian", image, sigma=2, tail=1e-3, method="fir", verify=True).report
+    assert report.error is not None
+    assert report.measured is not None
+    assert 0 < report.measured.rms < report.measured.largest <= report.error.value
+    assert report.measured.sampled == 1
+    assert client.run("gaussian", image, sigma=2).report.measured is None
+
+
 def test_every_flaw_comes_back_at_once(client: Client, image: np.ndarray) -> None:
     with pytest.raises(Unprocessable) as raised:
         client.run("gaussian", image, sigma=-1, bordr="clamp", device="abacus")
