@@ -315,7 +315,7 @@ def _numbers(p: Parameters, colours: int) -> Array:
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples * (3.0 if _curved(p) else 1.0),
-    rates={"opencl": Rate(2e-4, 2.5e-10), "numpy": Rate(1e-4, 2e-9)},
+    rates={"opencl": Rate(2e-4, 2.4e-10), "numpy": Rate(1e-4, 2.2e-9)},
 )
 class Exact:
     """The formula in float32, black in two parts."""
