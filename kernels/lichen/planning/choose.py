@@ -23,7 +23,7 @@ from typing import Literal
 
 from lichen.accuracy.precision import Precision, visible_storing_error
 from lichen.errors import Flaw, InvalidRequest, Unattainable, nearest
-from lichen.image import Storage
+from lichen.image import Alpha, Storage
 from lichen.operation import EXACT, Error, Facts
 from lichen.planning.graph import Candidate, Decision, Graph, Node, Request, inputs_of
 
@@ -62,7 +62,7 @@ def total_error(graph: Graph, facts: Mapping[str, Facts], choices: Choices) -> E
 
     What reaches an input that is data passes through no modulus: the result is then known by its range alone.
     """
-    reached = {name: _kept(EXACT, known, graph.precision) for name, known in graph.sources.items()}
+    reached = {name: _kept(EXACT, known, graph.precision, source=True) for name, known in graph.sources.items()}
     for node in graph.nodes:
         own, known = choices[node.name].error, inputs_of(node, facts)
         arriving = [reached[source] for source in node.inputs.values()]
@@ -88,12 +88,18 @@ def _data(node: Node) -> list[str]:
     return [each.name for each in node.operation.inputs if not each.picture and each.name in node.inputs]
 
 
-def _kept(error: Error, facts: Facts, precision: Precision, slack: float = 0.0) -> Error:
-    """The error once the value is stored; the value strays from its facts by at most `slack`."""
+def _kept(error: Error, facts: Facts, precision: Precision, slack: float = 0.0, *, source: bool = False) -> Error:
+    """The error once the value is stored; the value strays from its facts by at most `slack`.
+
+    A straight colour that was computed may be brighter than the facts say where it shines through little coverage. That
+    it does not, but for the errors so far, is no more than likely.
+    """
     if precision.lossless:
         return error
-    added = visible_storing_error(facts, precision, slack)
-    return Error(error.value + added, error.kind, error.rounding + added, error.usual + added)
+    covered = facts.alpha is Alpha.STRAIGHT and not source
+    added = visible_storing_error(facts, precision, error.value if covered else slack)
+    kind = "estimate" if covered else error.kind
+    return Error(error.value + added, kind, error.rounding + added, error.usual + added)
 
 
 def total_seconds(graph: Graph, choices: Choices) -> float:
