@@ -1,0 +1,195 @@
+"""Correlation with any two-dimensional kernel, tap by tap: what `convolve` and the fixed stencils come down to.
+
+Only taps that are not zero take part, so a NaN reaches exactly the pixels whose kernel holds it. Kernels too large for
+one tile of private memory are cut into parts that add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lichen.image import Alpha, Image
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.opencl.device import Device
+from lichen.opencl.session import Session
+from lichen.operation import ROUNDING, Border, Facts, Footprint
+from lichen.operations.convolution.borders import OUTSIDE, continued
+
+Matrix = npt.NDArray[np.float64]
+
+STAGE, TILE, BAND, BLOCK = 49152, 256, 64, 8
+"""Floats staged by one work-item, floats and rows of its tile, rows it computes at once."""
+WIDEST = 1024
+"""Floats that a part of the kernel reaches sideways at most."""
+FEW = 49
+"""Taps of a part that OpenCV computes directly; more would make it take a transform."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stencil:
+    """out[y, x] = sum of taps[i, j] image[y + i - top, x + j - left], plus bias."""
+
+    taps: Matrix
+    top: int
+    left: int
+    bias: float = 0.0
+
+    @property
+    def weight(self) -> float:
+        """The l1 norm: the largest gain."""
+        return float(np.abs(self.taps).sum())
+
+    @property
+    def count(self) -> int:
+        return int(np.count_nonzero(self.taps))
+
+    def footprint(self, border: Border) -> Footprint:
+        tall, wide = self.taps.shape
+        rows, columns = max(self.top, tall - 1 - self.top), max(self.left, wide - 1 - self.left)
+        return Footprint(max(rows, 0), max(columns, 0), wraps=border is Border.WRAP)
+
+    def range(self, low: float, high: float) -> tuple[float, float]:
+        """What the result of values within [low, high] lies within."""
+        gain, loss = float(self.taps[self.taps > 0].sum()), float(self.taps[self.taps < 0].sum())
+        return gain * low + loss * high + self.bias, gain * high + loss * low + self.bias
+
+    def rounding(self, magnitude: float) -> float:
+        """n products added in any order, and the bias: at most n + 2 roundings of what they sum to without signs."""
+        whole = self.weight * magnitude + abs(self.bias)
+        return 1.01 * (self.count + 3) * ROUNDING * whole
+
+    def parts(self, tall: int, wide: int) -> Iterator[Stencil]:
+        """Stencils of at most that many rows and columns that sum to this one; the first carries the bias."""
+        bias = self.bias
+        for i in range(0, self.taps.shape[0], tall):
+            for j in range(0, self.taps.shape[1], wide):
+                some = self.taps[i : i + tall, j : j + wide]
+                if some.any():
+                    yield Stencil(some, self.top - i, self.left - j, bias)
+                    bias = 0.0
+        if bias == self.bias and not self.taps.any():
+            yield Stencil(np.zeros((1, 1)), 0, 0, bias)
+
+
+def reach_of_values(facts: Facts, border: Border, value: float) -> tuple[float, float]:
+    """Lowest and highest value that takes part, with the constant beyond the border."""
+    low, high = facts.extent.low, facts.extent.high
+    return (min(low, value), max(high, value)) if border is Border.CONSTANT else (low, high)
+
+
+def correlate_opencl(device: Device, image: Image, stencil: Stencil, border: Border, value: float) -> Array:
+    out = aligned_empty(image.pixels.shape)
+    with device.session() as session:
+        correlate(session, image.pixels, out, stencil, border, value)
+    return out
+
+
+def correlate(
+    session: Session, source: Array, out: Array, stencil: Stencil, border: Border, value: float, *, add: bool = False
+) -> None:
+    """Launch the stencil from one array of shape (height, width, channels) to another; `add` to what is there."""
+    height, width, channels = source.shape
+    target, floats = session.readwrite(out), width * channels
+    wide = WIDEST // channels + 1
+    widest = _stride(min(wide, stencil.taps.shape[1]), channels)
+    tall = STAGE // widest - BLOCK
+    for number, part in enumerate(stencil.parts(tall, wide)):
+        rows, columns = part.taps.shape
+        stride = _stride(columns, channels)
+        band = min(BAND, (STAGE // stride - rows + 1) // BLOCK * BLOCK)
+        # What the last tile stages beyond the margin meets no result; the clamp keeps it inside the row.
+        at = np.arange(-(-floats // TILE) * TILE + stride) - part.left * channels
+        pixel = np.minimum(at // channels, width - 1 - part.left + columns)
+        pixels = continued(pixel, width, border)
+        beside = np.where(pixels == OUTSIDE, OUTSIDE, pixels * channels + at % channels).astype(np.int32)
+        down = continued(np.arange(height + rows - 1) - part.top, height, border).astype(np.int32)
+        runs, weights = _runs(part.taps, stride, channels)
+        session.launch(
+            "convolution/stencil.cl", "correlate", (-(-floats // TILE), -(-height // band)),
+            source, aligned(down, np.int32), aligned(beside, np.int32), aligned(runs, np.int32), aligned(weights),
+            target, np.int32(height), np.int32(floats), np.int32(part.left * channels), np.int32(rows),
+            np.int32(stride), np.int32(band), np.int32(TILE), np.int32(len(runs)), np.float32(value),
+            np.float32(part.bias), np.int32(add or number > 0), local=(1, 1), defines={"STAGE": STAGE},
+        )  # fmt: skip
+
+
+def _stride(columns: int, channels: int) -> int:
+    return -(-(TILE + (columns - 1) * channels) // 16) * 16
+
+
+def _runs(taps: Matrix, stride: int, channels: int) -> tuple[Array, Array]:
+    """Stretches of non-zero taps down each column: (offset into the stage, first weight, count), and the weights.
+
+    In order of length.
+    """
+    runs, weights = [], []
+    for column in range(taps.shape[1]):
+        line = taps[:, column]
+        edges = np.flatnonzero(np.diff(np.pad((line != 0).astype(np.int8), 1)))
+        for start, end in edges.reshape(-1, 2):
+            runs.append((start * stride + column * channels, len(weights), end - start))
+            weights.extend(line[start:end])
+    runs.sort(key=lambda run: run[2])
+    return np.array(runs or [(0, 0, 1)], np.int32), np.array(weights or [0.0])
+
+
+def correlate_numpy(image: Image, stencil: Stencil, border: Border, value: float) -> Array:
+    """The same with OpenCV's loops, in parts so small that it adds up tap by tap."""
+    return aligned(correlated(image.pixels, stencil, border, value))
+
+
+def correlated(pixels: Array, stencil: Stencil, border: Border, value: float) -> Array:
+    """float32, or float64 where `pixels` is that; without a transform."""
+    height, width, _ = pixels.shape
+    out = np.full(pixels.shape, stencil.bias, pixels.dtype)
+    wide = min(stencil.taps.shape[1], FEW)
+    # A part is continued by our borders, of which OpenCV lacks some.
+    for part in stencil.parts(max(FEW // wide, 1), wide):
+        rows, columns = part.taps.shape
+        around = continue_image(
+            pixels, (part.top, rows - 1 - part.top), (part.left, columns - 1 - part.left), border, value
+        )
+        done = cv2.filter2D(around, -1, part.taps, anchor=(0, 0), borderType=cv2.BORDER_REPLICATE)
+        out += done.reshape(around.shape)[:height, :width]
+    return out
+
+
+def continue_image(
+    pixels: Array, rows: tuple[int, int], columns: tuple[int, int], border: Border, value: float
+) -> Array:
+    """The image with so many rows before and after it, and columns left and right; negative numbers crop."""
+    for axis, (before, after) in enumerate((rows, columns)):
+        size = pixels.shape[axis]
+        at = continued(np.arange(-before, size + after), size, border)
+        pixels = np.take(pixels, np.maximum(at, 0), axis)
+        np.moveaxis(pixels, axis, 0)[at == OUTSIDE] = value
+    return pixels
+
+
+def sum_of_taps(pixels: Array, stencil: Stencil, border: Border, value: float) -> Array:
+    """The definition: float64, one shifted image for every tap that is not zero."""
+    height, width, _ = pixels.shape
+    rows, columns = stencil.taps.shape
+    around = continue_image(
+        pixels.astype(np.float64),
+        (stencil.top, rows - 1 - stencil.top),
+        (stencil.left, columns - 1 - stencil.left),
+        border,
+        value,
+    )
+    out = np.full(pixels.shape, stencil.bias)
+    for i, j in np.argwhere(stencil.taps):
+        out += stencil.taps[i, j] * around[i : i + height, j : j + width]
+    return out
+
+
+def kept_coverage(image: Image, out: Array) -> Array:
+    """`out` with the coverage of `image`, where it has any."""
+    if image.alpha is not Alpha.NONE:
+        out[..., -1] = image.pixels[..., -1]
+    return out

@@ -1,0 +1,65 @@
+"""The convolution family beside OpenCV and SciPy, on 2048 x 2048 float32 images.
+
+Run: python tests/benchmarks/bench_convolution.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+from interleaved import Row, medians, table
+
+import lichen
+from lichen.accuracy.metrics import difference
+from lichen.catalogue import operations
+from lichen.image import Image, as_image
+
+SIZE = 2048
+
+
+def compare(
+    work: str,
+    name: str,
+    image: Image,
+    peer_name: str,
+    peer: Callable[[np.ndarray], np.ndarray],
+    wanted: float | None = None,
+    **parameters: Any,
+) -> Row:
+    """One operation at its defaults beside one function of a peer that writes to an array made beforehand."""
+    target = np.empty_like(image.pixels)
+    operation = operations()[name]
+    truth = operation.evaluate_truth({"image": image}, operation.validate(parameters))
+    result = lichen.run(name, image, **parameters)
+    ours_ms, peer_ms = medians([lambda: lichen.run(name, image, **parameters), lambda: peer(target)])
+    peer_error = difference(peer(target).reshape(truth.shape), truth).largest
+    ours_error = difference(result.image.pixels, truth).largest
+    return Row(work, result.method, ours_ms, ours_error, peer_name, peer_ms, peer_error, wanted)
+
+
+def noise(channels: int) -> Image:
+    return as_image(np.random.default_rng(1).random((SIZE, SIZE, channels), dtype=np.float32))
+
+
+def convolve() -> list[Row]:
+    image, rows = noise(4), []
+    for size, wanted in ((3, None), (7, 0.66), (15, None)):
+        kernel = np.random.default_rng(size).random((size, size))
+
+        def peer(target: np.ndarray, kernel: np.ndarray = kernel) -> np.ndarray:
+            return cv2.filter2D(image.pixels, -1, kernel, dst=target, borderType=cv2.BORDER_REFLECT)
+
+        dense = {"kernel": kernel.tolist(), "mode": "correlation"}
+        rows.append(compare(f"{size} x {size} dense RGBA", "convolve", image, "cv2.filter2D", peer, wanted, **dense))
+    return rows
+
+
+def run() -> list[Row]:
+    return convolve()
+
+
+if __name__ == "__main__":
+    print(table("convolution, 2048 x 2048 float32", run()))
