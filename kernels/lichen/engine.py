@@ -7,6 +7,7 @@ middle of a run costs that run a repetition on NumPy, stated among its decisions
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import time
 from collections.abc import Mapping
@@ -16,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from lichen.accuracy import times
 from lichen.accuracy.metrics import Difference
 from lichen.accuracy.precision import Precision
 from lichen.errors import DeviceFailure, Flaw, InvalidRequest, nearest
@@ -168,7 +170,8 @@ def _prepare(
         raise InvalidRequest(f"This request for {name} is not valid.", flaws)
     node = Node(name, order.operation, order.parameters, {key: f"input.{key}" for key in order.images})
     sources = {f"input.{key}": known for key, known in facts.items()}
-    plan = make_plan(Graph(sources, (node,), name, precision=order.precision), order.request)
+    request = dataclasses.replace(order.request, rates=times.current(order.request.backend))
+    plan = make_plan(Graph(sources, (node,), name, precision=order.precision), request)
     return order, plan, time.perf_counter() - started
 
 
