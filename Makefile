@@ -15,7 +15,7 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install develop serve test lint format fuzz bench audit lock container-test clean
+.PHONY: help install develop serve test lint format fuzz bench accuracy audit lock container-test clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z-]*\):[^#]*## */  make \1 @/p' $(firstword $(MAKEFILE_LIST)) | awk -F@ '{ printf "%-24s%s\n", $$1, $$2 }'
@@ -48,6 +48,9 @@ fuzz: $(VENV)/.development ## hold every stated error to twenty thousand drawn i
 
 bench: $(VENV)/.development ## measure speed and error beside the peers
 	@set -e; for script in $(or $(ARGS),tests/benchmarks/bench_*.py); do $(BIN)/python $$script; done
+
+accuracy: $(VENV)/.development ## measure what accuracy costs and write docs/accuracy (ARGS=--full for every error anew)
+	@$(BIN)/python docs/accuracy/make.py $(ARGS)
 
 audit: $(VENV)/.development ## look up the locked packages in the databases of known vulnerabilities
 	@$(BIN)/pip-audit --require-hashes --disable-pip --requirement requirements.lock $(ARGS)

@@ -18,7 +18,15 @@ from lichen_service.settings import Settings
 
 from .conftest import Caller, form, pointers, problem_of, read_json
 
-DOCUMENTS = ("/v1/operations", "/v1/operations/gaussian", "/v1/accuracy", "/v1/limits", "/v1/version", "/openapi.json", "/")
+DOCUMENTS = (
+    "/v1/operations",
+    "/v1/operations/gaussian",
+    "/v1/accuracy",
+    "/v1/limits",
+    "/v1/version",
+    "/openapi.json",
+    "/",
+)
 
 
 # ------------------------------------------------------------------------------------------------------ documents
@@ -229,7 +237,9 @@ def test_the_openapi_document_is_valid_and_whole(call: Caller, operations: Mappi
 def test_every_documented_get_is_answered_as_documented(call: Caller) -> None:
     paths = read_json(call("GET", "/openapi.json"))["paths"]
     for path, methods in paths.items():
-        names = next((each["schema"]["enum"] for each in methods["get"].get("parameters", ()) if each["in"] == "path"), [])
+        names = next(
+            (each["schema"]["enum"] for each in methods["get"].get("parameters", ()) if each["in"] == "path"), []
+        )
         documented = methods["get"]["responses"]["200"]["content"]
         for each in [path.format(name=name) for name in names] or [path]:
             response = call("GET", each)

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Any
 from lichen_cli.main import Parser, Usage
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from lichen.calibration.report import Report, Setting, Verdict
 
 MARKS = {"worthwhile": "*", "front": "+", "failed": "x"}
@@ -25,7 +23,10 @@ _LEGEND = "* worth its time   + on the front, but hardly worth it   x could not 
 
 def main(arguments: Sequence[str]) -> int:
     parser = _parser()
-    given, rest = parser.parse_known_args(list(arguments))
+    # The name comes first, so that it cannot be taken for the value of an option that only the operation knows.
+    named = [*arguments[:1]] if arguments and not arguments[0].startswith("-") else []
+    given, rest = parser.parse_known_args(list(arguments[len(named) :]))
+    given.name = named[0] if named else None
     if given.name is None:
         if rest or given.example is not None or given.svg or given.png:
             raise Usage(f"name an operation first; see {parser.prog} --help")
@@ -47,10 +48,10 @@ def _parser() -> Parser:
     parser = Parser(
         prog="lichen accuracy",
         usage="lichen accuracy [NAME] [--PARAMETER VALUE ...] [options]",
-        description="Show what accuracy costs in time: for all operations, or measured for one.",
+        description="Show what accuracy costs in time: for all operations, or measured for the one named NAME, whose "
+        "parameters are options as in `lichen run`.",
         allow_abbrev=False,
     )
-    parser.add_argument("name", nargs="?", help="the operation; its parameters are options, as in `lichen run`")
     parser.add_argument("--example", type=int, metavar="N", help="take the operation's example N instead of parameters")
     parser.add_argument("--size", type=int, default=512, metavar="N", help="side of the image that is timed, px")
     parser.add_argument("--device", choices=("opencl", "numpy"), help="default: OpenCL if it works, else NumPy")
@@ -145,44 +146,41 @@ def _print(report: Report) -> None:
         if line:
             console.print(line, markup=False, highlight=False)
     console.print()
-    console.print(_table(report))
-    console.print(_LEGEND, style="dim", markup=False)
-    for line in (", ".join((f"{report.device}, {report.image}", *report.machine.values())), report.source):
+    for text, style in _lines(report, console.width):
+        console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
+    console.print()
+    for line in (_LEGEND, f"{report.device}, {report.image}, {', '.join(report.machine.values())}", report.source):
         console.print(line, style="dim", markup=False, highlight=False)
 
 
-def _table(report: Report) -> Table:
-    from rich.table import Table
+def _lines(report: Report, width: int) -> list[tuple[str, str]]:
+    """The table, a line with its style for each setting; the reason stands below where it does not fit beside."""
+    rows = [("", "", "time", "worst", "typical", "stated", "")]
+    styles = ["bold"]
+    for setting, verdict in zip(report.settings, report.verdicts, strict=True):
+        rows.append(_row(setting, verdict))
+        styles.append("" if verdict.standing in ("worthwhile", "front") else "dim")
+    widths = [max(len(row[column]) for row in rows) for column in range(6)]
+    lines = []
+    for row, style in zip(rows, styles, strict=True):
+        mark, name, *numbers, reason = row
+        padded = [text.rjust(room) for text, room in zip(numbers, widths[2:], strict=True)]
+        line = "  ".join([f"{mark:1} {name.ljust(widths[1])}", *padded])
+        beside = not reason or len(line) + 3 + len(reason) <= width
+        lines.append((f"{line}   {reason}".rstrip() if beside else line, style))
+        if not beside:
+            lines.append((f"    {reason}", "dim"))
+    return lines
 
-    table = Table(box=None, pad_edge=False)
-    for name in ("", "method", "knob", "stored", "time", "+-", "worst", "typical", "stated", "why"):
-        numeric = name in ("time", "+-", "worst", "typical", "stated")
-        table.add_column(name, justify="right" if numeric else "left", no_wrap=name != "why")
-    pairs = list(zip(report.settings, report.verdicts, strict=True))
-    some = any(setting.precision != "float32" for setting, _ in pairs)
-    table.columns[3].header = "stored" if some else ""
-    for setting, verdict in pairs:
-        style = "bold" if verdict.standing == "worthwhile" else "dim" if verdict.standing != "front" else ""
-        table.add_row(*_row(report, setting, verdict, some), style=style)
-    return table
 
+def _row(setting: Setting, verdict: Verdict) -> tuple[str, str, str, str, str, str, str]:
+    from lichen.calibration.report import milliseconds, scientific
 
-def _row(report: Report, setting: Setting, verdict: Verdict, stored: bool) -> list[str]:
-    from rich.markup import escape
-
-    from lichen.calibration.report import milliseconds, scientific, short
-
-    knob = "" if setting.knob is None else f"{report.knobs.get(setting.method, '')} {short(setting.knob)}"
-    numbers = ["", "", "", "", ""]
-    if setting.failed is None:
-        stated = "" if setting.stated is None else f"{scientific(setting.stated)} {setting.kind}"
-        spread = f"{setting.spread * 100:.0f} %" if setting.spread else ""
-        numbers = [
-            milliseconds(setting.seconds),
-            spread,
-            scientific(setting.worst),
-            scientific(setting.typical),
-            stated,
-        ]
-    named = [MARKS.get(verdict.standing, ""), setting.method, knob, setting.precision if stored else ""]
-    return [escape(each) for each in (*named, *numbers, verdict.reason)]
+    mark = MARKS.get(verdict.standing, "")
+    if setting.failed is not None:
+        return mark, setting.label, "", "", "", "", verdict.reason
+    spread = f" +-{setting.spread * 100:3.0f} %" if setting.spread else ""
+    time, stated = milliseconds(setting.seconds) + spread, ""
+    if setting.stated is not None:
+        stated = f"{scientific(setting.stated)} {setting.kind}"
+    return mark, setting.label, time, scientific(setting.worst), scientific(setting.typical), stated, verdict.reason

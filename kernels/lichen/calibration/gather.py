@@ -14,7 +14,7 @@ import re
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -22,20 +22,24 @@ import numpy as np
 import lichen
 from lichen.accuracy import times
 from lichen.accuracy.metrics import difference
+from lichen.accuracy.precision import PRECISIONS, Precision, stored
 from lichen.calibration import sweep
 from lichen.calibration.corpus import Case, cases, typical
-from lichen.calibration.peers import Job, Peer, peers
+from lichen.calibration.peers import Peer, peers
 from lichen.calibration.report import Report, Setting
 from lichen.calibration.table import Entry, load
 from lichen.errors import LichenError
+from lichen.memory import Array
 from lichen.opencl.device import default_device
-from lichen.operation import Facts, InputFacts, Operation, OperationParameters
+from lichen.operation import Facts, InputFacts, Inputs, Operation, OperationParameters
 
 SIZE = 512
 """Side of the image that times are for, unless another is asked for."""
 SIZES = (64, 4096)
 TURN = 0.02
 """Seconds that a setting may take in each turn: a quick one runs several times, since single calls scatter more."""
+FAILURES = (LichenError, RuntimeError, ValueError)
+"""What ours and other libraries raise where they cannot take a case."""
 MISSING = "its errors are not known: it is not in the table, or took no image of the corpus"
 LONGEST = 1.0
 """Predicted seconds above which a setting is not timed in a quick run but predicted."""
@@ -131,30 +135,42 @@ def measured(
     tell("errors")
     entries = load().of(wanted.name, number) if quick else ()
     entries = entries or tuple(sweep.errors(wanted, number))
-    rivals = list(peers(wanted, parameters))
     side = entries[0].size if entries else sweep.error_size(wanted, parameters)
-    found = {peer.name: _peer_errors(wanted, parameters, peer, side) for peer in rivals}
-    tell("times")
     case = typical(wanted, parameters, size)
+    sheet = _answers(wanted, parameters, side)
+    rivals = [_peer(peer, parameters, case, sheet) for peer in peers(wanted, parameters)]
+    rivals += _variants(wanted, parameters, case, backend, entries, sheet)
+    tell("times")
     timings = _times(wanted, parameters, case, backend, rivals, 5 if quick else 9, quick)
     settings = []
     for each in sweep.settings(wanted):
-        seconds, spread, failed = timings[(each.method.name, each.knob)]
+        seconds, spread, failed = timings[_label(each)]
         entry = _entry_of(entries, each)
         settings.append(_setting(each, seconds, spread, entry, failed or (None if entry else MISSING)))
-    for peer in rivals:
-        seconds, spread, failed = timings[(peer.name, None)]
-        worst, p999, usual, wrong = found[peer.name]
-        settings.append(
-            Setting(peer.name, None, seconds, worst, usual, p999, spread=spread, peer=True, failed=failed or wrong)
-        )
+    for rival in rivals:
+        seconds, spread, failed = timings[rival.setting.label]
+        wrong = rival.setting.failed or failed
+        settings.append(dataclasses.replace(rival.setting, seconds=seconds, spread=spread, failed=wrong))
     channels = case.inputs[wanted.inputs[0].name].channels
     source = (
         f"Errors: worst and median over the corpus, {side} px. "
         f"Times: medians of interleaved runs, {size} x {size} px, {channels} channels."
     )
-    versions = {peer.distribution: peer.version for peer in rivals}
+    versions = {peer.distribution: peer.version for peer in peers(wanted, parameters)}
     return _report(wanted, number, values, backend, size, settings, source, versions)
+
+
+def _label(setting: sweep.Setting) -> str:
+    nan = math.nan
+    return Setting(setting.method.name, setting.knob, nan, nan, nan, nan).label
+
+
+@dataclasses.dataclass(frozen=True)
+class _Rival:
+    """What takes its turn beside our settings: its errors, and the call that is timed; none where it fails."""
+
+    setting: Setting
+    call: Callable[[], object] | None
 
 
 Timing = tuple[float, float, str | None]
@@ -162,37 +178,40 @@ Timing = tuple[float, float, str | None]
 
 def _times(
     operation: Operation[Any], parameters: OperationParameters, case: Case, backend: str,
-    rivals: Sequence[Peer], rounds: int, quick: bool,
-) -> dict[tuple[str, float | None], Timing]:  # fmt: skip
-    """Seconds, spread and what went wrong, of settings and peers in turn."""
+    rivals: Sequence[_Rival], rounds: int, quick: bool,
+) -> dict[str, Timing]:  # fmt: skip
+    """Seconds, spread and what went wrong, by label, of settings and rivals in turn."""
     calls: dict[int, Callable[[], object]] = {}
-    names: list[tuple[str, float | None]] = []
-    found: dict[tuple[str, float | None], Timing] = {}
+    names: list[str] = []
+    found: dict[str, Timing] = {}
 
-    def enter(name: tuple[str, float | None], call: Callable[[], object]) -> None:
+    def enter(name: str, call: Callable[[], object]) -> None:
         try:
             call()
-        except (LichenError, RuntimeError, ValueError) as failure:
-            found[name] = (math.nan, 0.0, str(failure).partition("\n")[0])
-        else:
-            began = time.perf_counter()
-            call()
-            for _ in range(max(1, min(8, int(TURN / (time.perf_counter() - began + 1e-6))))):
-                calls[len(names)] = call
-                names.append(name)
+        except FAILURES as failure:
+            found[name] = (math.nan, 0.0, _brief(failure))
+            return
+        began = time.perf_counter()
+        call()
+        for _ in range(max(1, min(8, int(TURN / (time.perf_counter() - began + 1e-6))))):
+            calls[len(names)] = call
+            names.append(name)
 
     for each in sweep.settings(operation):
-        name, unfit = (each.method.name, each.knob), each.method.unfit(parameters, case.facts)
-        predicted = each.method.seconds(backend, parameters, each.knob or 0.0, case.facts)
+        unfit = each.method.unfit(parameters, case.facts)
+        seconds = each.method.seconds(backend, parameters, each.knob or 0.0, case.facts)
         if unfit is not None:
-            found[name] = (math.nan, 0.0, unfit)
-        elif predicted > (LONGEST if quick else 4 * LONGEST):
-            found[name] = (predicted, 0.0, None)
+            found[_label(each)] = (math.nan, 0.0, unfit)
+        elif seconds > (LONGEST if quick else 4 * LONGEST):
+            found[_label(each)] = (seconds, 0.0, None)
         else:
-            enter(name, lambda each=each: each.compute(backend, case.inputs, parameters))  # type: ignore[misc]
-    for peer in rivals:
-        enter((peer.name, None), peer.job(case.inputs, parameters).run)
-    taken: dict[tuple[str, float | None], list[float]] = {}
+            enter(_label(each), partial(each.compute, backend, case.inputs, parameters))
+    for rival in rivals:
+        if rival.call is None:
+            found[rival.setting.label] = (math.nan, 0.0, None)
+        else:
+            enter(rival.setting.label, rival.call)
+    taken: dict[str, list[float]] = {}
     for place, kept in sweep.interleaved(calls, rounds).items():
         taken.setdefault(names[place], []).extend(kept)
     for name, kept in taken.items():
@@ -202,25 +221,92 @@ def _times(
     return found
 
 
-def _peer_errors(
-    operation: Operation[Any], parameters: OperationParameters, peer: Peer, side: int
-) -> tuple[float, float, float, str | None]:
-    """Largest, p999 and median RMS error over the corpus's pictures, in the units of the table."""
-    rows = []
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Answer:
+    """A picture of the corpus and what is right for it; `unit` is that of the table."""
+
+    case: Case
+    truth: Array
+    unit: float
+
+
+def _answers(operation: Operation[Any], parameters: OperationParameters, side: int) -> list[_Answer]:
+    """All pictures but the hard cases, which only ours promise anything for."""
+    found = []
     for case in cases(operation, parameters, side):
-        if case.name.startswith("hard: "):  # no other library promises anything there
+        if not case.name.startswith("hard: "):
+            truth = operation.evaluate_truth(case.inputs, parameters)
+            unit = max(1.0, float(np.abs(truth[np.isfinite(truth)]).max(initial=0.0)))
+            found.append(_Answer(case, truth, unit))
+    return found
+
+
+def _peer(peer: Peer, parameters: OperationParameters, case: Case, sheet: Sequence[_Answer]) -> _Rival:
+    def compute(inputs: Inputs) -> Array:
+        job = peer.job(inputs, parameters)
+        job.run()
+        return job.pixels()
+
+    setting = _compared(peer.name, None, "float32", compute, sheet)
+    setting = dataclasses.replace(setting, peer=True)
+    return _Rival(setting, None if setting.failed else peer.job(case.inputs, parameters).run)
+
+
+def _variants(
+    operation: Operation[Any], parameters: OperationParameters, case: Case, backend: str,
+    entries: Sequence[Entry], sheet: Sequence[_Answer],
+) -> list[_Rival]:  # fmt: skip
+    """The most accurate setting with its inputs and its result kept in less than float32.
+
+    Pictures that reach beyond [0, 1] are left out: fixed point clips them, which says nothing of its digits.
+    """
+    known = [each for each in sweep.settings(operation) if each.method.unfit(parameters, case.facts) is None]
+    errors = {id(each): entry.typical_rms for each in known if (entry := _entry_of(entries, each))}
+    if not errors:
+        return []
+    best = min((each for each in known if id(each) in errors), key=lambda each: errors[id(each)])
+    rivals = []
+    for precision in PRECISIONS:
+        if precision.lossless:
             continue
-        truth = operation.evaluate_truth(case.inputs, parameters)
-        unit = max(1.0, float(np.abs(truth[np.isfinite(truth)]).max(initial=0.0)))
+
+        def compute(inputs: Inputs, precision: Precision = precision) -> Array:
+            kept = {name: image.replace(pixels=stored(image.pixels, precision)) for name, image in inputs.items()}
+            return stored(best.compute(backend, kept, parameters), precision)
+
+        lowest = 0.0 if precision.levels else -math.inf
+        within = [each for each in sheet if _within(each.case, lowest)]
+        setting = _compared(best.method.name, best.knob, precision, compute, within)
+        if not within:
+            setting = dataclasses.replace(setting, failed="fixed point holds [0, 1], and all inputs reach beyond")
+        rivals.append(_Rival(setting, None if setting.failed else partial(compute, case.inputs)))
+    return rivals
+
+
+def _within(case: Case, lowest: float) -> bool:
+    extents = [image.extent for image in case.inputs.values()]
+    return all(lowest <= each.low and each.high <= 1 for each in extents)
+
+
+def _compared(
+    name: str, knob: float | None, precision: str, compute: Callable[[Inputs], Array], sheet: Sequence[_Answer]
+) -> Setting:
+    """Largest, p999 and median RMS error of `compute`, as float32 holds its result."""
+    nan, rows = math.nan, []
+    for answer in sheet:
         try:
-            job: Job = peer.job(case.inputs, parameters)
-            job.run()
-        except (RuntimeError, ValueError) as failure:
-            return math.nan, math.nan, math.nan, str(failure).partition("\n")[0]
-        apart = difference(job.pixels().astype(np.float32), truth)
-        rows.append((apart.largest / unit, apart.p999 / unit, apart.rms / unit))
-    largest, p999, rms = zip(*rows, strict=True)
-    return max(largest), max(p999), statistics.median(rms), None
+            apart = difference(compute(answer.case.inputs).astype(np.float32), answer.truth)
+        except FAILURES as failure:
+            return Setting(name, knob, nan, nan, nan, nan, precision=precision, failed=_brief(failure))
+        rows.append((apart.largest / answer.unit, apart.rms / answer.unit, apart.p999 / answer.unit))
+    if not rows:
+        return Setting(name, knob, nan, nan, nan, nan, precision=precision, failed=MISSING)
+    largest, rms, p999 = zip(*rows, strict=True)
+    return Setting(name, knob, nan, max(largest), statistics.median(rms), max(p999), precision=precision)
+
+
+def _brief(failure: Exception) -> str:
+    return str(failure).partition("\n")[0]
 
 
 # ------------------------------------------------------------------------------------------------------------- common

@@ -1,8 +1,9 @@
 """The plot of a report: error across, time up, a line for each method, what one more digit costs along the top.
 
 Errors fall to the right, so a step to the right is one more digit and a step down is time saved. Filled marks are worst
-cases, hollow ones typical errors; a mark that is pale is dominated. The broad pale line is the Pareto front. Nothing is
-left out: settings that failed are crosses at the left edge, an error of zero stands at the right one.
+cases, hollow ones typical errors; a mark that is pale is dominated. The broad pale line is the Pareto front without its
+steps that nobody has a reason to take. Nothing is left out: settings that failed are crosses in the corner with the
+reason beside them, an error of zero stands at the right edge.
 """
 
 from __future__ import annotations
@@ -51,11 +52,11 @@ class _Plot:
     @cached_property
     def top(self) -> float:
         """of the frame; the prices stand above it"""
-        return self.head[-1].y + (68 if self._priced else 24)
+        return self.head[-1].y + (82 if self._priced else 24)
 
     @property
     def _priced(self) -> bool:
-        return len(self.report.front) > 1
+        return bool(self.report.prices)
 
     @property
     def bottom(self) -> float:
@@ -78,7 +79,17 @@ class _Plot:
     @cached_property
     def y(self) -> Scale:
         times = [setting.seconds * 1e3 for setting, _ in self.shown]
-        return spanning(times, self.bottom - 10, self.top + 10, least=1.0, margin=0.14)
+        return spanning(times, self.bottom - 10, self.top + 10 + 20 * len(self.failures), least=1.0, margin=0.14)
+
+    @cached_property
+    def failures(self) -> list[tuple[str, str, str]]:
+        """Method, its settings and the reason, for all settings that failed for one reason."""
+        found: dict[tuple[str, str], list[str]] = {}
+        for each in self.report.settings:
+            if each.failed is not None:
+                of = each.precision if each.precision != PLAIN else "" if each.knob is None else short(each.knob)
+                found.setdefault((each.method, each.failed), []).append(of)
+        return [(method, ", ".join(filter(None, values)), reason) for (method, reason), values in found.items()]
 
     def across(self, error: float) -> float:
         return self.x(error) if error > 0 else RIGHT - 8
@@ -133,7 +144,7 @@ class _Plot:
             return
         y, before = self.top - 14, None
         kind = "an" if self.report.ranking == "worst" else "a typical"
-        yield Text(LEFT - 46, y - 24, f"least time for {kind} error of at most ...", "muted", 12)
+        yield Text(LEFT - 46, y - 38, f"least time for {kind} error of at most ...", "muted", 12)
         last = -math.inf
         for price in prices:
             at = min(max(self.x(price.error), LEFT + 14), RIGHT - 14)
@@ -151,7 +162,7 @@ class _Plot:
             before = price.seconds
 
     def _front(self) -> Iterable[Shape]:
-        points = [(self.across(self.error(each)), self.up(each)) for each in self.report.front]
+        points = [(self.across(self.error(each)), self.up(each)) for each in self.report.worthwhile]
         if len(points) > 1:
             yield Line(points, "front", 11)
 
@@ -189,16 +200,14 @@ class _Plot:
 
     def _failed(self, labels: Labels) -> list[Shape]:
         """Crosses at the left edge, one for each method and reason, with the reason beside them."""
-        reasons: dict[tuple[str, str], list[Setting]] = {}
-        for each in self.report.settings:
-            if each.failed is not None:
-                reasons.setdefault((each.method, each.failed), []).append(each)
         shapes: list[Shape] = []
-        for number, ((method, reason), settings) in enumerate(reasons.items()):
+        for number, (method, values, reason) in enumerate(self.failures):
             y = self.top + 18 + 20 * number
-            values = ", ".join(short(each.knob) for each in settings if each.knob is not None)
-            title = f"{method}{' at ' + values if values else ''}\ncould not run: {reason}"
-            text = Text(LEFT + 24, y + 4, f"{method}: {reason}", "failed", 11.5, halo="panel")
+            whole = values.count(",") + 1 < sum(each.method == method for each in self.report.settings)
+            text = Text(
+                LEFT + 24, y + 4, f"{method}{' ' + values if whole else ''}: {reason}", "failed", 11.5, halo="panel"
+            )
+            title = f"{method}{': ' + values if values else ''}\ncould not run: {reason}"
             shapes += [Dot(LEFT + 12, y, "failed", 4.5, "cross", title=title), text]
             labels.reserve((LEFT, y - 10, text.box[2], y + 10))
         return shapes
@@ -257,9 +266,11 @@ class _Plot:
         entries: list[tuple[Shape, str]] = [
             (Dot(0, y - 4, "ink", 4.4), "worst case"),
             (Dot(0, y - 4, "ink", 4.4, hollow=True), "typical (median RMS)"),
-            (Dot(0, y - 4, "ink", 4.4, opacity=0.4), "not worth taking: point at it for the reason"),
+            (Dot(0, y - 4, "ink", 4.4, opacity=0.4), "another one is better: point at it"),
             (Line([(-9, y - 4), (9, y - 4)], "front", 9), "Pareto front"),
         ]
+        if any(setting.precision != PLAIN for setting, _ in self.shown):
+            entries.append((Dot(0, y - 4, "ink", 4.4, "square", opacity=0.4), "kept in fewer bits"))
         if any(each.peer for each in self.report.settings):
             entries.append((Dot(0, y - 4, "peer", 4.4, "diamond"), "another library"))
         if any(each.failed for each in self.report.settings):

@@ -26,6 +26,8 @@ Standing = Literal["worthwhile", "front", "dominated", "variant", "failed", "pee
 PLAIN = "float32"
 SEPARATED = 4.0
 """The worst cases of a method's settings differ by this factor at least where accuracy can be bought there."""
+VISIBLE = 1e-3
+"""A quarter of the step of 8-bit samples. Where all settings lie below, that they agree is rounding, no obstacle."""
 SHORT = 1.2
 """Digits that a front must span to speak of digits; one that spans less is told in halves."""
 
@@ -95,7 +97,7 @@ class Report:
     def ranking(self) -> Ranking:
         errors = [self.settings[i].worst for i in self.ours if self.settings[i].cost("worst").known]
         typical = [self.settings[i].typical for i in self.ours if self.settings[i].cost("worst").known]
-        flat = len(errors) > 1 and min(errors) > 0 and max(errors) < SEPARATED * min(errors)
+        flat = len(errors) > 1 and min(errors) > VISIBLE and max(errors) < SEPARATED * min(errors)
         buys = len(typical) > 1 and max(typical) > 1.5 * min(typical) and max(typical) < 0.5 * max(errors)
         return "typical" if flat and buys else "worst"
 
@@ -163,9 +165,14 @@ class Report:
 
     @cached_property
     def prices(self) -> list[Price]:
-        """The least time for each round error between the fastest setting's and the most accurate one's."""
+        """The least time for each round error between the fastest setting's and the most accurate one's.
+
+        None where the front is not worth speaking of: it does not even halve the error.
+        """
         errors = [each.cost(self.ranking).error for each in self.front if each.cost(self.ranking).error > 0]
-        return prices(self.costs, round_errors(max(errors), min(errors))) if errors else []
+        if not errors or max(errors) < 2 * min(errors):
+            return []
+        return prices(self.costs, round_errors(max(errors), min(errors)))
 
     @property
     def headline(self) -> str:
@@ -177,14 +184,15 @@ class Report:
         if len(self.front) == 1:
             label = capital(self.front[0].label)
             return f"{label} is the fastest and the most accurate: {what} {scientific(first.error)}."
+        if last.error * 2 > first.error:
+            label = capital(self.front[0].label)
+            return f"{label} is the fastest, and nothing is twice as accurate: {what} {scientific(first.error)}."
         span = f"from {scientific(first.error)} to {scientific(last.error)}"
         ratio = last.seconds / first.seconds
         digits = math.log10(first.error / last.error) if last.error > 0 else math.inf
         if digits >= SHORT:
             return f"One more digit costs {more(ratio ** (1 / digits))} on average; {span}, {more(ratio)}."
-        if digits > math.log10(2):
-            return f"Half the {what} costs {more(ratio ** (math.log10(2) / digits))} on average; {span}, {more(ratio)}."
-        return f"The {what} falls {span} for {more(ratio)}."
+        return f"Half the {what} costs {more(ratio ** (math.log10(2) / digits))} on average; {span}, {more(ratio)}."
 
     @property
     def remark(self) -> str:
