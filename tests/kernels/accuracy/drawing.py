@@ -15,10 +15,11 @@ import numpy as np
 from hypothesis import assume
 from hypothesis import strategies as st
 
+from lichen.errors import InvalidRequest
 from lichen.image import Image, as_image
 from lichen.operation import Facts, Input, Method, Operation
 
-DEAREST = 0.6
+DEAREST = 0.3
 """Predicted seconds of truth; more than is drawn."""
 KNEES = (0.0, 0.0031308, 0.018, 0.04045, 1 / 12, 0.081, 0.5, 1.0, 1.8396, 1.9921, 2.0)
 
@@ -115,15 +116,33 @@ def channels(declared: Input) -> st.SearchStrategy[int]:
     return st.sampled_from([count for count in (1, 2, 3, 4, 5) if fewest <= count and (most is None or count <= most)])
 
 
-def parameters(operation: Operation[Any]) -> st.SearchStrategy[dict[str, Any]]:
-    """Values for all parameters by the JSON schema; those that may be left out are, half of the time."""
+@st.composite
+def parameters(draw: st.DrawFn, operation: Operation[Any]) -> dict[str, Any]:
+    """Values for the parameters, as their JSON schema allows; half of the time an example with some of them replaced.
+
+    What no schema says (the shape of a matrix, fields that depend on one another) is known from the examples alone:
+    arrays are theirs with other numbers.
+    """
     schema = operation.schema()
-    required = schema.get("required", [])
-    given = {name: value(field, schema.get("$defs", {})) for name, field in schema.get("properties", {}).items()}
-    return st.fixed_dictionaries(
-        {name: drawn for name, drawn in given.items() if name in required},
-        optional={name: drawn for name, drawn in given.items() if name not in required},
-    )
+    base = dict(draw(st.sampled_from([{}, draw(st.sampled_from(operation.examples))])))
+    for name, field in schema.get("properties", {}).items():
+        shapes = [example[name] for example in operation.examples if isinstance(example.get(name), list | tuple)]
+        if name not in base and name not in schema.get("required", []) and draw(st.booleans()):
+            continue
+        if name in base and draw(st.integers(0, 3)):
+            continue
+        usual = value(field, schema.get("$defs", {}))
+        base[name] = draw(st.sampled_from(shapes).flatmap(renumbered) if shapes else usual)
+    return base
+
+
+def renumbered(array: Any) -> st.SearchStrategy[Any]:
+    """An array of the same shape; every number itself, another, or zero."""
+    if isinstance(array, list | tuple):
+        return st.tuples(*(renumbered(each) for each in array)).map(list)
+    if isinstance(array, bool) or not isinstance(array, int | float):
+        return st.just(array)
+    return st.one_of(st.just(array), st.floats(-4, 4, allow_subnormal=False), st.just(0.0))
 
 
 def value(field: Mapping[str, Any], definitions: Mapping[str, Any]) -> st.SearchStrategy[Any]:
@@ -169,7 +188,10 @@ def numbers(low: float, high: float, *, open_low: bool = False, open_high: bool 
 def cases(draw: st.DrawFn, operation: Operation[Any]) -> tuple[dict[str, Image], Any, dict[str, Facts]]:
     """Inputs, parameters and facts that the operation takes and whose truth is soon found."""
     given = draw(images(operation))
-    chosen = operation.validate(draw(parameters(operation)))
+    try:
+        chosen = operation.validate(draw(parameters(operation)))
+    except InvalidRequest:
+        assume(False)
     facts = {name: Facts.of(image) for name, image in given.items()}
     assume(not operation.check(chosen, facts))
     assume(operation.truth_seconds(chosen, facts) < DEAREST)
@@ -181,6 +203,8 @@ def settings_of(method: Method[Any]) -> st.SearchStrategy[float]:
     knob = method.knob
     if knob is None:
         return st.just(0.0)
+    if knob.low <= 0:
+        return st.one_of(st.sampled_from(knob.values), st.floats(knob.low, knob.high))
     between = st.floats(math.log(knob.low), math.log(knob.high)).map(
         lambda drawn: min(max(math.exp(drawn), knob.low), knob.high)
     )

@@ -170,6 +170,13 @@ class Form:
             bend = (w + 1) * (1 / np.maximum(PQ_Q + w, 0) + PQ_C3 / (PQ_Q - PQ_C3 * w)) / (PQ_M1 * PQ_M2)
             return np.where(w > -PQ_Q, self.upper(a) * bend / a, 0.0)
 
+    @property
+    def reach(self) -> float:
+        """The distance from which on float32 cannot hold what an exponential makes of it; powers grow less steep."""
+        if self.body != "exponential":
+            return math.inf
+        return 0.5 + math.log(FLOAT_MAX / self.outer) / self.exponent
+
     def steepness(self, a: float) -> float:
         """How much larger the relative rounding of y is than that of what it is computed from, at a >= knee.
 

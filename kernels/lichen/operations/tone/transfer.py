@@ -309,7 +309,7 @@ def _exact_error(p: Parameters, facts: Facts) -> Error:
     NumPy also rounds a power's exponent, by half a rounding at most, which the logarithm of the base amplifies.
     """
     shape = form(p)
-    far = max(abs(x + shape.shift) for x in _bounds(p, facts))
+    far = min(max(abs(x + shape.shift) for x in _bounds(p, facts)), shape.reach)
     size = min(float(shape.magnitude(far)), FLOAT_MAX)
     roundings = ROUNDINGS * (1 + shape.steepness(max(far, shape.knee)))
     if shape.body == "power" and far > 0:
