@@ -25,6 +25,7 @@ from lichen.memory import Array, aligned
 from lichen.operation import Facts, Input, InputFacts, Inputs, Operation, OperationParameters
 
 BRIGHTEST = 1e4
+TILE = 256
 COLOURS = 3
 """Colour channels of a picture, where the operation takes so many."""
 
@@ -61,24 +62,43 @@ def cases(operation: Operation[Any], parameters: OperationParameters, size: int)
 
 
 def typical(operation: Operation[Any], parameters: OperationParameters, size: int) -> Case:
-    """The inputs on which times are measured: the photograph, or a smooth field with the default of the rest."""
-    return next(
-        case for case in cases(operation, parameters, size) if not operation.inputs[0].picture or case.name == "photo"
-    )
+    """The inputs on which times are measured: the photograph, or the smooth field with the default of the rest.
+
+    Large ones repeat a smaller one: no time depends on what a pixel's distant neighbours hold.
+    """
+    part = min(size, TILE)
+    if _led_by_picture(operation):
+        name, inputs = "photo", _covered(operation, parameters, "photo", part)
+    else:
+        name, inputs = "smooth field", _fields(operation, "smooth field", part)
+    return Case(name, {key: _repeated(image, size) for key, image in inputs.items()})
+
+
+def _repeated(image: Image, size: int) -> Image:
+    count = -(-size // image.height)
+    pixels = image.pixels if count == 1 else np.tile(image.pixels, (count, count, 1))[:size, :size]
+    return image.replace(pixels=aligned(pixels))
 
 
 def _drawn(operation: Operation[Any], parameters: OperationParameters, size: int) -> Iterator[tuple[str, Inputs]]:
-    required = [each for each in operation.inputs if each.required]
-    if any(each.picture for each in required) or not required:
+    if _led_by_picture(operation):
         for content in PICTURES:
             yield content, _covered(operation, parameters, content, size)
         return
     for kind in FIELDS:
-        yield kind, {each.name: as_image(field(kind, size)) for each in required}
+        yield kind, _fields(operation, kind, size)
     pictures = [each for each in operation.inputs if each.picture]
     for content in PICTURES if pictures else ():
-        drawn = {each.name: as_image(field("smooth field", size)) for each in required}
-        yield content, drawn | {each.name: as_image(_fitting(each, content, size)) for each in pictures}
+        drawn = {each.name: as_image(_fitting(each, content, size)) for each in pictures}
+        yield content, _fields(operation, "smooth field", size) | drawn
+
+
+def _led_by_picture(operation: Operation[Any]) -> bool:
+    return any(each.picture and each.required for each in operation.inputs)
+
+
+def _fields(operation: Operation[Any], kind: str, size: int) -> dict[str, Image]:
+    return {each.name: as_image(field(kind, size)) for each in operation.inputs if each.required}
 
 
 def _covered(operation: Operation[Any], parameters: OperationParameters, content: str, size: int) -> Inputs:

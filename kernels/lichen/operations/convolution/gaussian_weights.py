@@ -30,12 +30,24 @@ def half_kernel(sigma: float) -> Vector:
     return total
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
+def _outside(sigma: float) -> Vector:
+    """The weight at distances >= r, for r = 0, 1, 2 ..., as far as it matters; it falls."""
+    outside: Vector = 2 * np.cumsum(half_kernel(sigma)[::-1])[::-1]
+    return outside
+
+
+@lru_cache(maxsize=1024)
 def fir_radius(sigma: float, tail: float) -> tuple[int, float]:
     """The smallest radius that leaves at most `tail` of the weight outside, and the weight it leaves."""
-    outside = 2 * np.cumsum(half_kernel(sigma)[::-1])[::-1]  # outside[r]: weight at distances >= r
-    radius = int(np.argmax(outside[1:] <= tail)) if outside[-1] <= tail else len(outside) - 2
+    outside = _outside(sigma)
+    radius = min(_falls_to(outside[1:], tail), len(outside) - 2)
     return radius, float(outside[radius + 1])
+
+
+def _falls_to(values: Vector, limit: float) -> int:
+    """Of falling values the place of the first that is at most `limit`; their number where none is."""
+    return len(values) - int(np.searchsorted(values[::-1], limit, side="right"))
 
 
 def fir_weights(sigma: float, tail: float) -> Vector:
@@ -57,12 +69,18 @@ def eigenvalues(sigma: float, size: int, count: int) -> Vector:
     return spectrum  # the aliases of Poisson's sum lie below 1e-8 at worst, where they meet modes as small as they
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
+def _dropped(sigma: float, size: int) -> Vector:
+    """What the eigenvalues of modes >= m sum to, for m = 0, 1, 2 ... and all of them; it falls to 0."""
+    reach = min(size, math.ceil(size / (math.pi * max(sigma, 0.1)) * math.sqrt(-2 * math.log(BARELY))) + 2)
+    return np.append(np.cumsum(eigenvalues(sigma, size, reach)[::-1])[::-1], 0.0)
+
+
+@lru_cache(maxsize=1024)
 def dct_modes(sigma: float, size: int, tail: float) -> tuple[int, float]:
     """How many modes are kept so that the eigenvalues of the others sum to at most `tail`, and that sum."""
-    reach = min(size, math.ceil(size / (math.pi * max(sigma, 0.1)) * math.sqrt(-2 * math.log(BARELY))) + 2)
-    left = np.append(np.cumsum(eigenvalues(sigma, size, reach)[::-1])[::-1], 0.0)
-    kept = max(int(np.argmax(left <= tail)), 1)
+    left = _dropped(sigma, size)
+    kept = max(_falls_to(left, tail), 1)
     return kept, float(left[kept])
 
 

@@ -1,0 +1,153 @@
+"""Times of this machine: which runs tell most, running them, and the rates that follow.
+
+A `Cell` is one setting on the typical image at one size. For every method a handful of cells is taken whose predicted
+times spread from the start-up cost to the longest run allowed, since the two numbers of a rate need both ends. Cells
+are run in turn, several passes of them, and the median of a cell's runs counts: a machine that is slow for a second then
+harms one run of many cells instead of all runs of one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import statistics
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from lichen.calibration.corpus import Case, typical
+from lichen.calibration.fit import Sample, fit
+from lichen.calibration.sweep import Setting, settings
+from lichen.catalogue import operation
+from lichen.operation import Operation, Rate
+
+SIDES = (32, 64, 128, 256, 512, 1024, 1536)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How thoroughly to measure."""
+
+    longest: float
+    """seconds that one run may be predicted to take"""
+    cells: int
+    """for each method"""
+    passes: int
+
+
+QUICK = Plan(longest=0.008, cells=6, passes=3)
+"""A second or two for everything; no run is long enough to be in anybody's way."""
+THOROUGH = Plan(longest=0.5, cells=14, passes=5)
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One setting at one example and one size."""
+
+    operation: str
+    example: int
+    method: str
+    knob: float | None
+    size: int
+    predicted: float
+
+    def run(self, backend: str) -> float:
+        """Seconds of one run."""
+        owner = operation(self.operation)
+        case, parameters = _prepared(self.operation, self.example, self.size)
+        setting = Setting(owner.methods[self.method], self.knob)
+        began = time.perf_counter()
+        setting.compute(backend, case.inputs, parameters)
+        return time.perf_counter() - began
+
+    @property
+    def work(self) -> float:
+        case, parameters = _prepared(self.operation, self.example, self.size)
+        return Setting(operation(self.operation).methods[self.method], self.knob).work(case, parameters)
+
+
+@lru_cache(maxsize=32)
+def _prepared(name: str, example: int, size: int) -> tuple[Case, Any]:
+    owner = operation(name)
+    parameters = owner.validate(owner.examples[example])
+    return typical(owner, parameters, size), parameters
+
+
+def cells(owner: Operation[Any], backend: str, plan: Plan) -> list[Cell]:
+    """For each method the cells whose predicted times lie evenly, on a scale of decades, up to the longest allowed."""
+    found: dict[str, list[Cell]] = {}
+    for size in SIDES:
+        for example in range(len(owner.examples)):
+            small, parameters = _prepared(owner.name, example, SIDES[0])
+            facts = {key: dataclasses.replace(each, height=size, width=size) for key, each in small.facts.items()}
+            for setting in settings(owner):
+                method = setting.method
+                if method.unfit(parameters, facts) is None:
+                    predicted = method.seconds(backend, parameters, setting.knob or 0.0, facts)
+                    cell = Cell(owner.name, example, method.name, setting.knob, size, predicted)
+                    found.setdefault(method.name, []).append(cell)
+    return [cell for offered in found.values() for cell in _spread(offered, plan)]
+
+
+def _spread(offered: Sequence[Cell], plan: Plan) -> Iterator[Cell]:
+    """Cells nearest to evenly spaced times; the shortest one where all take too long."""
+    affordable = [cell for cell in offered if cell.predicted <= plan.longest]
+    if not affordable:
+        yield min(offered, key=lambda cell: cell.predicted)
+        return
+    ordered = sorted(affordable, key=lambda cell: cell.predicted)
+    low, high = (math.log(cell.predicted) for cell in (ordered[0], ordered[-1]))
+    taken: set[int] = set()
+    for step in range(plan.cells):
+        wanted = low + (high - low) * step / max(plan.cells - 1, 1)
+        free = [i for i in range(len(ordered)) if i not in taken]
+        if not free:
+            return
+        # Among equals the larger image: what it costs to move memory must show.
+        nearest = min(free, key=lambda i: (round(abs(math.log(ordered[i].predicted) - wanted), 1), -ordered[i].size))
+        taken.add(nearest)
+        yield ordered[nearest]
+
+
+@dataclass
+class Timing:
+    """The runs of one operation on one backend, taken one at a time so that the caller may do other things between."""
+
+    owner: Operation[Any]
+    backend: str
+    plan: Plan
+    seconds: dict[Cell, list[float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.seconds = {cell: [] for cell in cells(self.owner, self.backend, self.plan)}
+
+    @property
+    def runs(self) -> int:
+        """How many there are to come in all, one more for each cell to warm it up."""
+        return len(self.seconds) * (self.plan.passes + 1)
+
+    def steps(self, undisturbed: Callable[[], bool] = lambda: True) -> Iterator[Cell]:
+        """Makes all runs, pausing after each. A run during which `undisturbed` turned false is made again, once."""
+        for number in range(self.plan.passes + 1):
+            for cell, kept in self.seconds.items():
+                seconds = cell.run(self.backend)
+                if not undisturbed():
+                    yield cell
+                    seconds = cell.run(self.backend)
+                if number:
+                    kept.append(seconds)
+                yield cell
+
+    def samples(self) -> dict[str, list[Sample]]:
+        """By method."""
+        found: dict[str, list[Sample]] = {}
+        for cell, kept in self.seconds.items():
+            if kept:
+                found.setdefault(cell.method, []).append(Sample(cell.work, statistics.median(kept)))
+        return found
+
+    def rates(self) -> dict[tuple[str, str], Rate]:
+        """What the runs so far say, by operation and method."""
+        return {(self.owner.name, method): fit(samples) for method, samples in self.samples().items()}
