@@ -20,6 +20,7 @@ COMMANDS = {
     "run": ("lichen_cli.run", "run an operation on image files"),
     "operations": ("lichen_cli.operations", "list the operations, or describe one"),
     "accuracy": ("lichen_cli.accuracy", "show what accuracy costs in time"),
+    "calibrate": ("lichen_cli.calibrate", "measure how fast this machine is, so that plans promise its times"),
     "doctor": ("lichen_cli.doctor", "find out what works on this machine, and why the rest does not"),
 }
 

@@ -2,15 +2,14 @@
 
 A `Cell` is one setting on the typical image at one size. For every method a handful of cells is taken whose predicted
 times spread from the start-up cost to the longest run allowed, since the two numbers of a rate need both ends. Cells
-are run in turn, several passes of them, and the median of a cell's runs counts: a machine that is slow for a second then
-harms one run of many cells instead of all runs of one.
+are run in turn, several passes of them, so that a machine that is slow for a second harms one run of many cells instead
+of all runs of one. A cell's quickest run counts: whatever else happens on a machine only ever adds time.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -39,7 +38,7 @@ class Plan:
 
 QUICK = Plan(longest=0.008, cells=6, passes=3)
 """A second or two for everything; no run is long enough to be in anybody's way."""
-THOROUGH = Plan(longest=0.5, cells=14, passes=5)
+THOROUGH = Plan(longest=0.2, cells=12, passes=5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +144,7 @@ class Timing:
         found: dict[str, list[Sample]] = {}
         for cell, kept in self.seconds.items():
             if kept:
-                found.setdefault(cell.method, []).append(Sample(cell.work, statistics.median(kept)))
+                found.setdefault(cell.method, []).append(Sample(cell.work, min(kept)))
         return found
 
     def rates(self) -> dict[tuple[str, str], Rate]:
