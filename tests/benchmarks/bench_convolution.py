@@ -57,8 +57,20 @@ def convolve() -> list[Row]:
     return rows
 
 
+def box() -> list[Row]:
+    image, rows = noise(4), []
+    for size in (5, 41):
+
+        def peer(target: np.ndarray, size: int = size) -> np.ndarray:
+            return cv2.blur(image.pixels, (size, size), dst=target, borderType=cv2.BORDER_REFLECT)
+
+        work = f"mean of {size} x {size}, RGBA"
+        rows.append(compare(work, "box", image, "cv2.blur", peer, width=size, height=size))
+    return rows
+
+
 def run() -> list[Row]:
-    return convolve()
+    return [*convolve(), *box()]
 
 
 if __name__ == "__main__":
