@@ -95,7 +95,7 @@ def _wanted(node: Node, facts: Facts) -> tuple[Space, Alpha]:
     if node.operation.light is Light.LINEAR:
         space = Space.LINEAR if space is Space.SRGB else space
         alpha = Alpha.ASSOCIATED if alpha is Alpha.STRAIGHT else alpha
-    elif node.operation.wants_alpha is not None and alpha is not Alpha.NONE:
+    if node.operation.wants_alpha is not None and alpha is not Alpha.NONE:
         alpha = node.operation.wants_alpha
     return space, alpha
 
