@@ -191,6 +191,9 @@ def _marker(dot: Dot, opacity: str) -> str:
         drawn = f'path d="M{_joined([(a, b)])}L{_joined([(e, f)])}M{_joined([(c, d)])}L{_joined([(g, h)])}" {style}'
     else:
         drawn = f'polygon points="{_joined(corners(dot))}" {style}'
+    if dot.opacity < 1 and dot.shape != "cross":  # no line shows through a pale mark
+        under = drawn.replace(style, 'class="f-panel"')
+        drawn = f"{under}/><{drawn}"
     if not dot.title:
         return f"<{drawn}/>"
     # A wider, unseen circle makes the tooltip easy to meet with a pointer.

@@ -21,26 +21,20 @@ import numpy as np
 
 import lichen
 from lichen.accuracy import times
-from lichen.accuracy.metrics import difference
-from lichen.accuracy.precision import PRECISIONS, Precision, stored
 from lichen.calibration import sweep
-from lichen.calibration.corpus import Case, cases, typical
-from lichen.calibration.peers import Peer, peers
+from lichen.calibration.corpus import Case, typical
+from lichen.calibration.peers import peers
 from lichen.calibration.report import Report, Setting
+from lichen.calibration.rivals import FAILURES, MISSING, Rival, brief, entry_of, rivals
 from lichen.calibration.table import Entry, load
-from lichen.errors import LichenError
-from lichen.memory import Array
 from lichen.opencl.device import default_device
-from lichen.operation import Facts, InputFacts, Inputs, Operation, OperationParameters
+from lichen.operation import Facts, InputFacts, Operation, OperationParameters
 
 SIZE = 512
 """Side of the image that times are for, unless another is asked for."""
 SIZES = (64, 4096)
 TURN = 0.02
 """Seconds that a setting may take in each turn: a quick one runs several times, since single calls scatter more."""
-FAILURES = (LichenError, RuntimeError, ValueError)
-"""What ours and other libraries raise where they cannot take a case."""
-MISSING = "its errors are not known: it is not in the table, or took no image of the corpus"
 LONGEST = 1.0
 """Predicted seconds above which a setting is not timed in a quick run but predicted."""
 
@@ -87,7 +81,7 @@ def predicted(
         rate = rates.get((operation.name, each.method.name), each.method.rates[backend])
         seconds = rate.start + rate.step * each.method.work(parameters, each.knob or 0.0, facts)
         unfit = each.method.unfit(parameters, facts)
-        entry = _entry_of(entries, each)
+        entry = entry_of(entries, each)
         settings.append(_setting(each, seconds, 0.0, entry, unfit or (None if entry else MISSING)))
     for entry in entries:
         if entry.precision != sweep.PRECISION and (kept := _kept(settings, entry)):
@@ -137,17 +131,15 @@ def measured(
     entries = entries or tuple(sweep.errors(wanted, number))
     side = entries[0].size if entries else sweep.error_size(wanted, parameters)
     case = typical(wanted, parameters, size)
-    sheet = _answers(wanted, parameters, side)
-    rivals = [_peer(peer, parameters, case, sheet) for peer in peers(wanted, parameters)]
-    rivals += _variants(wanted, parameters, case, backend, entries, sheet)
+    others = rivals(wanted, parameters, case, side, backend, entries)
     tell("times")
-    timings = _times(wanted, parameters, case, backend, rivals, 5 if quick else 9, quick)
+    timings = _times(wanted, parameters, case, backend, others, 5 if quick else 9, quick)
     settings = []
     for each in sweep.settings(wanted):
         seconds, spread, failed = timings[_label(each)]
-        entry = _entry_of(entries, each)
+        entry = entry_of(entries, each)
         settings.append(_setting(each, seconds, spread, entry, failed or (None if entry else MISSING)))
-    for rival in rivals:
+    for rival in others:
         seconds, spread, failed = timings[rival.setting.label]
         wrong = rival.setting.failed or failed
         settings.append(dataclasses.replace(rival.setting, seconds=seconds, spread=spread, failed=wrong))
@@ -165,20 +157,12 @@ def _label(setting: sweep.Setting) -> str:
     return Setting(setting.method.name, setting.knob, nan, nan, nan, nan).label
 
 
-@dataclasses.dataclass(frozen=True)
-class _Rival:
-    """What takes its turn beside our settings: its errors, and the call that is timed; none where it fails."""
-
-    setting: Setting
-    call: Callable[[], object] | None
-
-
 Timing = tuple[float, float, str | None]
 
 
 def _times(
     operation: Operation[Any], parameters: OperationParameters, case: Case, backend: str,
-    rivals: Sequence[_Rival], rounds: int, quick: bool,
+    others: Sequence[Rival], rounds: int, quick: bool,
 ) -> dict[str, Timing]:  # fmt: skip
     """Seconds, spread and what went wrong, by label, of settings and rivals in turn."""
     calls: dict[int, Callable[[], object]] = {}
@@ -189,7 +173,7 @@ def _times(
         try:
             call()
         except FAILURES as failure:
-            found[name] = (math.nan, 0.0, _brief(failure))
+            found[name] = (math.nan, 0.0, brief(failure))
             return
         began = time.perf_counter()
         call()
@@ -206,7 +190,7 @@ def _times(
             found[_label(each)] = (seconds, 0.0, None)
         else:
             enter(_label(each), partial(each.compute, backend, case.inputs, parameters))
-    for rival in rivals:
+    for rival in others:
         if rival.call is None:
             found[rival.setting.label] = (math.nan, 0.0, None)
         else:
@@ -221,100 +205,7 @@ def _times(
     return found
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Answer:
-    """A picture of the corpus and what is right for it; `unit` is that of the table."""
-
-    case: Case
-    truth: Array
-    unit: float
-
-
-def _answers(operation: Operation[Any], parameters: OperationParameters, side: int) -> list[_Answer]:
-    """All pictures but the hard cases, which only ours promise anything for."""
-    found = []
-    for case in cases(operation, parameters, side):
-        if not case.name.startswith("hard: "):
-            truth = operation.evaluate_truth(case.inputs, parameters)
-            unit = max(1.0, float(np.abs(truth[np.isfinite(truth)]).max(initial=0.0)))
-            found.append(_Answer(case, truth, unit))
-    return found
-
-
-def _peer(peer: Peer, parameters: OperationParameters, case: Case, sheet: Sequence[_Answer]) -> _Rival:
-    def compute(inputs: Inputs) -> Array:
-        job = peer.job(inputs, parameters)
-        job.run()
-        return job.pixels()
-
-    setting = _compared(peer.name, None, "float32", compute, sheet)
-    setting = dataclasses.replace(setting, peer=True)
-    return _Rival(setting, None if setting.failed else peer.job(case.inputs, parameters).run)
-
-
-def _variants(
-    operation: Operation[Any], parameters: OperationParameters, case: Case, backend: str,
-    entries: Sequence[Entry], sheet: Sequence[_Answer],
-) -> list[_Rival]:  # fmt: skip
-    """The most accurate setting with its inputs and its result kept in less than float32.
-
-    Pictures that reach beyond [0, 1] are left out: fixed point clips them, which says nothing of its digits.
-    """
-    known = [each for each in sweep.settings(operation) if each.method.unfit(parameters, case.facts) is None]
-    errors = {id(each): entry.typical_rms for each in known if (entry := _entry_of(entries, each))}
-    if not errors:
-        return []
-    best = min((each for each in known if id(each) in errors), key=lambda each: errors[id(each)])
-    rivals = []
-    for precision in PRECISIONS:
-        if precision.lossless:
-            continue
-
-        def compute(inputs: Inputs, precision: Precision = precision) -> Array:
-            kept = {name: image.replace(pixels=stored(image.pixels, precision)) for name, image in inputs.items()}
-            return stored(best.compute(backend, kept, parameters), precision)
-
-        lowest = 0.0 if precision.levels else -math.inf
-        within = [each for each in sheet if _within(each.case, lowest)]
-        setting = _compared(best.method.name, best.knob, precision, compute, within)
-        if not within:
-            setting = dataclasses.replace(setting, failed="fixed point holds [0, 1], and all inputs reach beyond")
-        rivals.append(_Rival(setting, None if setting.failed else partial(compute, case.inputs)))
-    return rivals
-
-
-def _within(case: Case, lowest: float) -> bool:
-    extents = [image.extent for image in case.inputs.values()]
-    return all(lowest <= each.low and each.high <= 1 for each in extents)
-
-
-def _compared(
-    name: str, knob: float | None, precision: str, compute: Callable[[Inputs], Array], sheet: Sequence[_Answer]
-) -> Setting:
-    """Largest, p999 and median RMS error of `compute`, as float32 holds its result."""
-    nan, rows = math.nan, []
-    for answer in sheet:
-        try:
-            apart = difference(compute(answer.case.inputs).astype(np.float32), answer.truth)
-        except FAILURES as failure:
-            return Setting(name, knob, nan, nan, nan, nan, precision=precision, failed=_brief(failure))
-        rows.append((apart.largest / answer.unit, apart.rms / answer.unit, apart.p999 / answer.unit))
-    if not rows:
-        return Setting(name, knob, nan, nan, nan, nan, precision=precision, failed=MISSING)
-    largest, rms, p999 = zip(*rows, strict=True)
-    return Setting(name, knob, nan, max(largest), statistics.median(rms), max(p999), precision=precision)
-
-
-def _brief(failure: Exception) -> str:
-    return str(failure).partition("\n")[0]
-
-
 # ------------------------------------------------------------------------------------------------------------- common
-
-
-def _entry_of(entries: Sequence[Entry], setting: sweep.Setting) -> Entry | None:
-    wanted = (setting.method.name, setting.knob, sweep.PRECISION)
-    return next((each for each in entries if (each.method, each.knob, each.precision) == wanted), None)
 
 
 def _setting(each: sweep.Setting, seconds: float, spread: float, entry: Entry | None, failed: str | None) -> Setting:

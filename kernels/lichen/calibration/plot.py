@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from lichen.calibration.chart import Labels, Scale, spanning, wrapped
-from lichen.calibration.drawing import HUES, Area, Dot, Drawing, Form, Line, Shape, Text
+from lichen.calibration.drawing import HUES, Area, Dot, Drawing, Form, Line, Shape, Text, text_width
 from lichen.calibration.report import PLAIN, Report, Setting, Verdict, milliseconds, scientific, short
 
 WIDTH = 960
@@ -158,6 +158,7 @@ class _Plot:
             if before is not None:
                 ratio = price.seconds / before
                 added = f"+{(ratio - 1) * 100:.0f} %" if ratio < 1.95 else f"x {ratio:.1f}"
+                added = "free" if ratio < 1.005 else added
                 yield Text(at, y - 16, added, "muted", 11, "middle")
             before = price.seconds
 
@@ -264,22 +265,23 @@ class _Plot:
         shapes: list[Shape] = []
         at = LEFT - 46
         entries: list[tuple[Shape, str]] = [
-            (Dot(0, y - 4, "ink", 4.4), "worst case"),
-            (Dot(0, y - 4, "ink", 4.4, hollow=True), "typical (median RMS)"),
-            (Dot(0, y - 4, "ink", 4.4, opacity=0.4), "another one is better: point at it"),
-            (Line([(-9, y - 4), (9, y - 4)], "front", 9), "Pareto front"),
+            (Dot(0, -4, "ink", 4.4), "worst case"),
+            (Dot(0, -4, "ink", 4.4, hollow=True), "typical (median RMS)"),
+            (Dot(0, -4, "ink", 4.4, opacity=0.4), "another one is better: point at it"),
+            (Line([(-9, -4), (9, -4)], "front", 9), "Pareto front"),
         ]
         if any(setting.precision != PLAIN for setting, _ in self.shown):
-            entries.append((Dot(0, y - 4, "ink", 4.4, "square", opacity=0.4), "kept in fewer bits"))
+            entries.append((Dot(0, -4, "ink", 4.4, "square", opacity=0.4), "kept in fewer bits"))
         if any(each.peer for each in self.report.settings):
-            entries.append((Dot(0, y - 4, "peer", 4.4, "diamond"), "another library"))
+            entries.append((Dot(0, -4, "peer", 4.4, "diamond"), "another library"))
         if any(each.failed for each in self.report.settings):
-            entries.append((Dot(0, y - 4, "failed", 4.4, "cross"), "could not run"))
+            entries.append((Dot(0, -4, "failed", 4.4, "cross"), "could not run"))
         for mark, text in entries:
-            shapes.append(_moved(mark, at + 7))
-            label = Text(at + 20, y, text, "muted", 12)
-            shapes.append(label)
-            at = label.box[2] + 22
+            room = 1.18 * text_width(text, 12)  # a reader's own font may be wider
+            if at + 20 + room > WIDTH - 20:
+                at, y = LEFT - 46, y + 20
+            shapes += [_moved(mark, at + 7, y), Text(at + 20, y, text, "muted", 12)]
+            at += 36 + room
         y += 14
         for line in self._small_print():
             for part in wrapped(line, WIDTH - 48, 11):
@@ -301,10 +303,10 @@ class _Plot:
         ]
 
 
-def _moved(mark: Shape, by: float) -> Shape:
+def _moved(mark: Shape, by: float, down: float) -> Shape:
     """A mark of the legend to its place."""
     if isinstance(mark, Dot):
-        return Dot(by, mark.y, mark.role, mark.radius, mark.shape, mark.hollow, mark.opacity)
+        return replace(mark, x=mark.x + by, y=mark.y + down)
     if isinstance(mark, Line):
-        return Line([(x + by, y) for x, y in mark.points], mark.role, mark.width)
+        return replace(mark, points=[(x + by, y + down) for x, y in mark.points])
     return mark
