@@ -231,9 +231,10 @@ def to_png(drawing: Drawing, theme: Theme = "light") -> bytes:
     brush = _Brush(ImageDraw.Draw(canvas), theme, fine)
     for shape in drawing.shapes:
         brush.paint(shape)
-    small = canvas.resize((drawing.width * DENSITY, drawing.height * DENSITY), Image.Resampling.BOX)
+    small = canvas.reduce(SMOOTHING)
     out = io.BytesIO()
-    small.quantize(256, dither=Image.Dither.NONE).save(out, "png", optimize=True)
+    few = small.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)  # keeps neighbouring greys apart
+    few.save(out, "png", compress_level=9)
     return out.getvalue()
 
 

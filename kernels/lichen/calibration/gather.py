@@ -94,7 +94,8 @@ def predicted(
         f"Errors: the table of this version, images of {entries[0].size if entries else 0} px. "
         f"Times: predicted for {size} x {size} px from rates that {timed}."
     )
-    return _report(operation, number, None, backend, size, settings, source, {})
+    report = _report(operation, number, None, backend, size, settings, source, {})
+    return dataclasses.replace(report, command=f"{report.command} --predict")
 
 
 def _kept(settings: Sequence[Setting], entry: Entry) -> Setting | None:

@@ -112,10 +112,12 @@ def test_drawings_are_the_same_bytes_again_and_speak_ascii() -> None:
 
 def test_themes_name_every_role() -> None:
     assert set(THEMES["light"]) == set(THEMES["dark"])
-    pixels = decode(to_png(plot(report(*LADDER)), "dark")).pixels
-    assert pixels.shape[1] == 960 * DENSITY
-    paper = tuple(int(THEMES["dark"]["paper"][i : i + 2], 16) for i in (1, 3, 5))
-    assert tuple(np.round(pixels[0, 0, :3] * 255).astype(int)) == paper
+    for theme, hues in THEMES.items():
+        pixels = decode(to_png(plot(report(*LADDER)), theme)).pixels
+        assert pixels.shape[1] == 960 * DENSITY
+        shown = {tuple(each) for each in np.round(pixels[..., :3] * 255).astype(int).reshape(-1, 3)}
+        for role in ("paper", "panel"):
+            assert tuple(int(hues[role][i : i + 2], 16) for i in (1, 3, 5)) in shown
 
 
 def test_dashes_have_the_asked_lengths() -> None:
