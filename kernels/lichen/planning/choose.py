@@ -91,15 +91,19 @@ def _data(node: Node) -> list[str]:
 def _kept(error: Error, facts: Facts, precision: Precision, slack: float = 0.0, *, source: bool = False) -> Error:
     """The error once the value is stored; the value strays from its facts by at most `slack`.
 
-    A straight colour that was computed may be brighter than the facts say where it shines through little coverage. That
-    it does not, but for the errors so far, is no more than likely.
+    The facts of a straight picture that was computed tell how bright it shows, not how bright its colour is where it
+    shines through little coverage. Fixed point may clip all of that; half floats hold it as a rule.
     """
     if precision.lossless:
         return error
     covered = facts.alpha is Alpha.STRAIGHT and not source
-    added = visible_storing_error(facts, precision, error.value if covered else slack)
-    kind = "estimate" if covered else error.kind
-    return Error(error.value + added, kind, error.rounding + added, error.usual + added)
+    usual = visible_storing_error(facts, precision, error.usual if covered else slack)
+    added, kind = usual, error.kind
+    if covered and precision.levels is not None:
+        added = max(usual, facts.extent.magnitude + slack)
+    elif covered:
+        kind = "estimate"
+    return Error(error.value + added, kind, error.rounding + added, error.usual + usual)
 
 
 def total_seconds(graph: Graph, choices: Choices) -> float:

@@ -19,7 +19,7 @@ from lichen.errors import InvalidRequest
 from lichen.image import Image, as_image
 from lichen.operation import Facts, Input, Method, Operation
 
-DEAREST = 0.3
+DEAREST = 0.15
 """Predicted seconds of truth; more than is drawn."""
 KNEES = (0.0, 0.0031308, 0.018, 0.04045, 1 / 12, 0.081, 0.5, 1.0, 1.8396, 1.9921, 2.0)
 

@@ -183,8 +183,8 @@ def exponential(curve: str) -> tuple[Graph, dict[str, Image]]:
 
 
 def streamlines() -> tuple[Graph, dict[str, Image]]:
-    y, x = np.mgrid[0:48, 0:48]
-    around = np.stack([20.3 - y, x - 25.1], axis=-1) / np.hypot(y - 20.3, x - 25.1)[..., None]
+    y, x = np.mgrid[0:24, 0:24]
+    around = np.stack([10.3 - y, x - 12.1], axis=-1) / np.hypot(y - 10.3, x - 12.1)[..., None]
     images = {
         "input.field": as_image((0.5 + 0.45 * around).astype(np.float32)),
         "input.texture": as_image((0.5 + 0.4 * np.sin(0.3 * x + 0.1 * y)).astype(np.float32)),
@@ -193,7 +193,7 @@ def streamlines() -> tuple[Graph, dict[str, Image]]:
     node = Node(
         "lic",
         lic,
-        lic.validate({"length": 10, "scale": 2, "bias": 0.5}),
+        lic.validate({"length": 6, "scale": 2, "bias": 0.5}),
         {"field": "input.field", "texture": "input.texture"},
     )
     return Graph({name: Facts.of(image) for name, image in images.items()}, (node,), "lic"), images
