@@ -96,29 +96,37 @@ def correlate(
     height, width, channels = source.shape
     target, floats = session.readwrite(out), width * channels
     wide = WIDEST // channels + 1
-    widest = _stride(min(wide, stencil.taps.shape[1]), channels)
+    widest = stride_of(min(wide, stencil.taps.shape[1]), channels)
     tall = STAGE // widest - BLOCK
     for number, part in enumerate(stencil.parts(tall, wide)):
         rows, columns = part.taps.shape
-        stride = _stride(columns, channels)
+        stride = stride_of(columns, channels)
         band = min(BAND, (STAGE // stride - rows + 1) // BLOCK * BLOCK)
-        # What the last tile stages beyond the margin meets no result; the clamp keeps it inside the row.
-        at = np.arange(-(-floats // TILE) * TILE + stride) - part.left * channels
-        pixel = np.minimum(at // channels, width - 1 - part.left + columns)
-        pixels = continued(pixel, width, border)
-        beside = np.where(pixels == OUTSIDE, OUTSIDE, pixels * channels + at % channels).astype(np.int32)
-        down = continued(np.arange(height + rows - 1) - part.top, height, border).astype(np.int32)
+        down, beside = gathering(source.shape, part, stride, border)
         runs, weights = _runs(part.taps, stride, channels)
         session.launch(
             "convolution/stencil.cl", "correlate", (-(-floats // TILE), -(-height // band)),
-            source, aligned(down, np.int32), aligned(beside, np.int32), aligned(runs, np.int32), aligned(weights),
+            source, down, beside, aligned(runs, np.int32), aligned(weights),
             target, np.int32(height), np.int32(floats), np.int32(part.left * channels), np.int32(rows),
             np.int32(stride), np.int32(band), np.int32(TILE), np.int32(len(runs)), np.float32(value),
             np.float32(part.bias), np.int32(add or number > 0), local=(1, 1), defines={"STAGE": STAGE},
         )  # fmt: skip
 
 
-def _stride(columns: int, channels: int) -> int:
+def gathering(shape: tuple[int, ...], part: Stencil, stride: int, border: Border) -> tuple[Array, Array]:
+    """For kernels that stage tiles: the row that each staged row reads, and the float of it that each float reads."""
+    height, width, channels = shape
+    rows, columns = part.taps.shape
+    # What the last tile stages beyond the margin meets no result; the clamp keeps it inside the row.
+    at = np.arange(-(-width * channels // TILE) * TILE + stride) - part.left * channels
+    pixels = continued(np.minimum(at // channels, width - 1 - part.left + columns), width, border)
+    beside = np.where(pixels == OUTSIDE, OUTSIDE, pixels * channels + at % channels)
+    down = continued(np.arange(height + rows - 1) - part.top, height, border)
+    return aligned(down.astype(np.int32), np.int32), aligned(beside.astype(np.int32), np.int32)
+
+
+def stride_of(columns: int, channels: int) -> int:
+    """Floats of a staged row: a tile and what lies beside it."""
     return -(-(TILE + (columns - 1) * channels) // 16) * 16
 
 
