@@ -47,7 +47,7 @@ class Setting:
     kind: str = "measured"
     precision: str = PLAIN
     spread: float = 0.0
-    """half the range in which the middle half of the timings lie, over their median; 0 where time is predicted"""
+    """half the range in which the middle half of the timings lie, over `seconds`; 0 where time is predicted"""
     peer: bool = False
     failed: str | None = None
 
