@@ -17,6 +17,7 @@ from lichen import catalogue
 from lichen.errors import LichenError
 from lichen.files import encode
 from lichen_service import logs
+from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.descriptions import path_of
 from lichen_service.documents import canonical
 from lichen_service.formats import readable
@@ -43,6 +44,8 @@ class Service:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self.readiness = Readiness(self._canary)
+        self.traffic = Traffic()
+        self.calibrating = Calibrating(self.readiness, self.traffic)
         self._running = Running(settings)
         system, described, accuracy = System(settings, self.readiness), Catalogue(settings), Accuracy()
         run = self._running.run
@@ -65,7 +68,8 @@ class Service:
 
     def handle(self, request: Request) -> Response:
         """The answer to a whole request. Every error becomes a problem document."""
-        response = _answer(request.head, lambda: self._handle(request))
+        with self.traffic.request():
+            response = _answer(request.head, lambda: self._handle(request))
         assert isinstance(response, Response)
         return response
 
@@ -152,8 +156,12 @@ def as_query(parameters: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
 
 
 def create_application() -> Service:
-    """The service with the settings of the environment; its warm-up has begun and goes on in the background."""
+    """The service with the settings of the environment; its warm-up has begun and goes on in the background, and so
+    does, after it, the calibration of a machine that has none."""
     logs.configure()
-    service = Service(Settings.load())
+    settings = Settings.load()
+    service = Service(settings)
     service.readiness.start()
+    if settings.calibrate == "on":
+        service.calibrating.start()
     return service

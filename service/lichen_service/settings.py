@@ -21,8 +21,10 @@ class InvalidSettings(ValueError):
     """One or more settings cannot be read or lie outside their range; the message names each of them."""
 
 
-def _setting(default: Any, help: str, low: float | None = None, high: float | None = None) -> Any:
-    return field(default=default, metadata={"help": help, "low": low, "high": high})
+def _setting(
+    default: Any, help: str, low: float | None = None, high: float | None = None, choices: tuple[str, ...] = ()
+) -> Any:
+    return field(default=default, metadata={"help": help, "low": low, "high": high, "choices": choices})
 
 
 def _workers() -> int:
@@ -53,6 +55,10 @@ class Settings:
     max_decoded: int = _setting(1 << 31, "most bytes of one image once decoded", 1, None)
     max_images: int = _setting(16, "most images in one request", 1, 1024)
 
+    calibrate: str = _setting(
+        "on", "whether a machine without measured times is measured, while idle: on or off", choices=("on", "off")
+    )
+
     def environment(self) -> dict[str, str]:
         """The settings as environment variables, from which `load` makes the same value again."""
         return {PREFIX + each.name.upper(): str(getattr(self, each.name)) for each in dataclasses.fields(self)}
@@ -73,7 +79,7 @@ class Settings:
             if text is None or (text == "" and source == variable):
                 continue
             try:
-                values[each.name] = _read(text, type(each.default), each.metadata["low"], each.metadata["high"])
+                values[each.name] = _read(text, type(each.default), **_limits(each))
             except ValueError as wrong:
                 flaws.append(f"{source} {wrong}")
         if flaws:
@@ -85,7 +91,13 @@ def _flag(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
-def _read(text: str, kind: type[Any], low: float | None, high: float | None) -> Any:
+def _limits(each: dataclasses.Field[Any]) -> dict[str, Any]:
+    return {name: each.metadata[name] for name in ("low", "high", "choices")}
+
+
+def _read(text: str, kind: type[Any], low: float | None, high: float | None, choices: tuple[str, ...]) -> Any:
+    if choices and text not in choices:
+        raise ValueError(f"must be {' or '.join(choices)} (got {text!r})")
     try:
         value = kind(text)
     except ValueError:
