@@ -108,7 +108,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples,
-    rates={"opencl": Rate(2e-4, 2.5e-10), "numpy": Rate(2e-5, 1.5e-9)},
+    rates={"opencl": Rate(2e-4, 4e-10), "numpy": Rate(2.5e-5, 1.3e-9)},
 )
 class Exact:
     """One multiplication or division for each colour sample."""
