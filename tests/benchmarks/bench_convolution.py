@@ -69,8 +69,20 @@ def box() -> list[Row]:
     return rows
 
 
+def median() -> list[Row]:
+    image, rows = noise(3), []
+    for size in (3, 5):
+
+        def peer(target: np.ndarray, size: int = size) -> np.ndarray:
+            return cv2.medianBlur(image.pixels, size, dst=target)
+
+        work = f"median of {size} x {size}, RGB"
+        rows.append(compare(work, "median", image, "cv2.medianBlur", peer, 1.0, size=size, border="clamp"))
+    return rows
+
+
 def run() -> list[Row]:
-    return [*convolve(), *box()]
+    return [*convolve(), *box(), *median()]
 
 
 if __name__ == "__main__":

@@ -135,7 +135,8 @@ def _runs(taps: Matrix, stride: int, channels: int) -> tuple[Array, Array]:
 
     In order of length.
     """
-    runs, weights = [], []
+    runs: list[tuple[int, int, int]] = []
+    weights: list[float] = []
     for column in range(taps.shape[1]):
         line = taps[:, column]
         edges = np.flatnonzero(np.diff(np.pad((line != 0).astype(np.int8), 1)))

@@ -31,7 +31,7 @@ def test_truth_agrees_with_scipy() -> None:
 
 def test_agrees_with_scikit_image() -> None:
     """It cuts the blur at four sigma."""
-    expected = filters.unsharp_mask(PIXELS, radius=2, amount=0.8, preserve_range=True)
+    expected = filters.unsharp_mask(PIXELS, radius=2, amount=0.8, preserve_range=True)  # type: ignore[no-untyped-call]
     np.testing.assert_allclose(exact(sigma=2, amount=0.8), expected, atol=2e-4)
 
 
