@@ -166,7 +166,7 @@ def _numpy(inputs: Inputs, p: Parameters) -> Array:
     "network",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples * (16.0 if p.size == 3 else 70.0),
-    rates={"opencl": Rate(4e-4, 3.6e-11), "numpy": Rate(2e-4, 4e-9)},
+    rates={"opencl": Rate(4e-4, 3.6e-11), "numpy": Rate(2e-4, 1.9e-9)},
     unfit=lambda p, facts: None if p.size in (3, 5) else "networks are laid for windows of 3 and 5",
 )
 class Network:
@@ -185,7 +185,7 @@ class Network:
     "bisect",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples * float(p.size**2),
-    rates={"opencl": Rate(4e-4, 1.5e-9), "numpy": Rate(2e-4, 1.2e-8)},
+    rates={"opencl": Rate(4e-4, 1.1e-9), "numpy": Rate(2e-4, 5e-9)},
 )
 class Bisect:
     """The bits of the median from the highest down, each by counting the samples below."""
