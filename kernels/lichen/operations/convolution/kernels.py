@@ -90,6 +90,8 @@ def named(name: Named, size: int, radius: float, length: float, angle: float) ->
 def disc(radius: float) -> Matrix:
     """Weights of a disc centred on the middle pixel: covered areas, normalised to sum to 1."""
     reach = max(math.ceil(radius - 0.5), 0)
+    if reach == 0:  # all of it in one pixel, whose area may be too small for a number
+        return np.ones((1, 1))
     edges = np.arange(-reach, reach + 2) - 0.5
     corner = _covered(edges[None, :], edges[:, None], radius)
     areas = np.maximum(np.diff(np.diff(corner, axis=0), axis=1), 0.0)
