@@ -1,0 +1,319 @@
+"""Convert: from any colour space to any other.
+
+Truth: the definitions of the two spaces in float64, by way of what they are both defined by, XYZ at the latest.
+`source` is what the picture's numbers mean: unless given, what the picture says (sRGB, or linear light with BT.709
+primaries). The first channels are the colour (one for luminance, four for CMYK); those that follow pass unchanged.
+
+Scales: RGB, XYZ, CMY(K) and luminance have 1 at white; L* 100; Oklab 1; hues are degrees in [0, 360). YCbCr and YIQ
+have colour differences about 0, and `narrow` the 8-bit codes 16 to 235 (240) over 255. HSV, HSL, CMY, CMYK, YIQ and
+YCbCr of BT.601 and BT.709 are of sRGB's values, as files hold them; YCbCr of BT.2020 of that standard's. CMYK is the
+simple model: black is what the three inks have in common. XYZ, xyY, L*a*b*, L*u*v*, LCh and luminance are relative to
+`white`; RGB spaces and Oklab have their own. Between whites colours are adapted, unless `adaptation` is none.
+
+Beyond the standards' domains nothing is clipped. Curves are mirrored for negative values (f(-x) = -f(x)); the line of
+lightness near black goes on. Grey has hue 0, and so has what is as good as grey (a range of 2^-20 in HSV and HSL, a
+chroma of 1e-5 of lightness, or of white's if that is more): below that, hue is noise. Black has the chromaticity of
+white, saturation 0 and no ink but black. NaN makes every channel NaN that depends on it.
+
+Oklab's matrices are moved by less than 2e-4 so that white and grey are achromatic.
+
+Methods: `single` takes all steps in float32 in one pass; `double` evaluates the definitions in float64.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import Field
+
+from lichen.errors import Flaw
+from lichen.image import Alpha, Extent, Image, Space
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.operation import (
+    POINTWISE,
+    ROUNDING,
+    Error,
+    Facts,
+    Input,
+    InputFacts,
+    Inputs,
+    Light,
+    Operation,
+    OperationParameters,
+    Rate,
+)
+from lichen.operations.colour.convert_cases import CASES, EXAMPLES
+from lichen.operations.colour.primaries import Adaptation, White
+from lichen.operations.colour.spaces import Model, path
+from lichen.operations.colour.stages import (
+    FLOAT_MAX,
+    TINY,
+    UNKNOWN,
+    Doubt,
+    Interval,
+    Linear,
+    Mixed,
+    Planes,
+    Scalar,
+    Step,
+    size,
+)
+
+if TYPE_CHECKING:
+    from lichen.opencl.device import Device
+
+BLOCK = 1 << 13
+"""Pixels of a block of NumPy's work: its planes stay in cache."""
+FAR = 1e30
+"""Where a step's values may lie beyond it, the next could leave float32."""
+NEAR = 1e4
+"""The largest value of pictures for which float32 is trusted next to poles."""
+
+
+class Parameters(OperationParameters):
+    target: Model = Field(Model.LAB)
+    """the space to convert to"""
+    source: Model | None = None
+    """the space of the picture's numbers; what the picture says unless given"""
+    white: White = White.D65
+    """the white that XYZ, xyY, L*a*b*, LCh, L*u*v* and luminance are relative to"""
+    adaptation: Adaptation = Adaptation.BRADFORD
+    """how colours are carried from one white to another"""
+
+
+STATED = {Space.SRGB: Model.SRGB, Space.LINEAR: Model.LINEAR_BT709}
+MEANT = {model: space for space, model in STATED.items()}
+
+
+def _models(p: Parameters, space: Space) -> tuple[Model, Model]:
+    return p.source or STATED.get(space, p.target), p.target
+
+
+def _steps(p: Parameters, space: Space) -> tuple[Step, ...]:
+    return path(*_models(p, space), p.white, p.adaptation)
+
+
+def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
+    image = facts["image"]
+    if p.source is None and image.space not in STATED:
+        return [Flaw("/parameters/source", "is required: the image does not say what its numbers mean")]
+    source = _models(p, image.space)[0]
+    colours = image.channels - (image.alpha is not Alpha.NONE)
+    if colours < source.channels:
+        return [Flaw("/inputs/image", f"has {colours} colour channel(s), and {source} has {source.channels}")]
+    if source is Model.LUMINANCE and colours > 2:
+        return [Flaw("/inputs/image", f"has {colours} colour channels, and {source} has 1")]
+    return []
+
+
+def _identity(p: Parameters, facts: InputFacts) -> str | None:
+    return None if _steps(p, facts["image"].space) else "source and target are the same"
+
+
+# ------------------------------------------------------------------------------------------------ analysis of a path
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """What is known of a conversion's result without its pixels."""
+
+    intervals: list[Interval]
+    doubts: list[Doubt]
+    inside: bool
+    """whether every step stays well inside float32"""
+
+    @property
+    def error(self) -> float:
+        """The largest, and float32's largest number where nothing better is known."""
+        worst = [doubt.at(interval) for doubt, interval in zip(self.doubts, self.intervals, strict=True)]
+        return max(value if value < FLOAT_MAX else FLOAT_MAX for value in worst)
+
+
+def _walk(p: Parameters, facts: Facts, by: float = 0.0) -> Walk:
+    """The outputs' intervals, and how far they are from those of inputs that differ by `by`, rounding included."""
+    extent: Interval = (facts.extent.low, facts.extent.high)
+    intervals = [extent] * _models(p, facts.space)[0].channels
+    doubts = [Doubt(0.0, by)] * len(intervals)
+    inside, known = size(extent) < FAR, True
+    for step in _steps(p, facts.space):
+        doubts = step.doubts(doubts, intervals)
+        intervals = step.intervals(intervals)
+        # Next to a pole no range is known: there a result is as large as the picture makes it.
+        known &= not (isinstance(step, Mixed) and any(size(each) >= UNKNOWN for each in intervals))
+        inside &= size(extent) < NEAR if not known else all(size(each) < FAR for each in intervals)
+    return Walk(intervals, doubts, inside)
+
+
+def _passing(p: Parameters, facts: Facts) -> bool:
+    return facts.channels > _models(p, facts.space)[0].channels
+
+
+def _result(p: Parameters, facts: InputFacts) -> Facts:
+    image = facts["image"]
+    space = MEANT.get(p.target, Space.DATA)
+    if _identity(p, facts):
+        return Facts(image.height, image.width, image.channels, space, image.alpha, image.extent)
+    source, target = _models(p, image.space)
+    walk = _walk(p, image)
+    passing = [(image.extent.low, image.extent.high)] if _passing(p, image) else []
+    intervals, slack = [*walk.intervals, *passing], walk.error
+    low, high = min(low for low, _ in intervals) - slack, max(high for _, high in intervals) + slack
+    if target.polar:
+        low = min(low, 0.0)
+    channels = image.channels - source.channels + target.channels
+    known = walk.inside and max(abs(low), abs(high)) < FLOAT_MAX and not image.extent.nonfinite
+    extent = Extent(max(low, -FLOAT_MAX), min(high, FLOAT_MAX), 0 if known else image.pixels * channels)
+    return Facts(image.height, image.width, channels, space, image.alpha, extent)
+
+
+def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
+    """With coverage a, colours count multiplied by it: |c' - c| a' is at most (1 + |c|) times the error, and so on
+    through the conversion, whose result is weighted again."""
+    image = facts["image"]
+    if image.alpha is Alpha.NONE:
+        return max(_walk(p, image, error).error, error * _passing(p, image))
+    far = min(_result(p, facts).extent.magnitude, FLOAT_MAX)
+    return max(_walk(p, image, (1 + image.extent.magnitude) * error).error + far * error, error)
+
+
+convert = Operation(
+    name="convert",
+    family="colour",
+    summary="Converts pictures from one colour space to another.",
+    description=__doc__ or "",
+    parameters=Parameters,
+    inputs=(Input("image", "the picture; channels after its colours pass unchanged"),),
+    light=Light.STORED,
+    footprint=lambda p, facts: POINTWISE,
+    identity=_identity,
+    result=_result,
+    propagate=_propagate,
+    wants_alpha=Alpha.STRAIGHT,
+    check=_check,
+    customary=("single", 0.0),
+    examples=EXAMPLES,
+    hard_cases=CASES,
+)
+
+# ------------------------------------------------------------------------------------------------------------ bodies
+
+
+def evaluate(image: Image, p: Parameters, dtype: type[np.floating]) -> Array:
+    """Every step in `dtype`, in blocks whose planes stay in cache; the result has the same precision."""
+    source, target = _models(p, image.space)
+    steps = _steps(p, image.space)
+    shape = (image.height, image.width, image.channels - source.channels + target.channels)
+    out = aligned_empty(shape, dtype)
+    flat, result = image.pixels.reshape(-1, image.channels), out.reshape(-1, shape[2])
+    with np.errstate(all="ignore"):
+        for start in range(0, len(flat), BLOCK):
+            block, made = flat[start : start + BLOCK], result[start : start + BLOCK]
+            planes: Planes = [block[:, c].astype(dtype) for c in range(source.channels)]
+            for step in steps:
+                planes = step.run(planes)
+            for c, plane in enumerate(planes):
+                made[:, c] = plane
+            made[:, target.channels :] = block[:, source.channels :]
+    return out
+
+
+@convert.truth
+def truth(inputs: Inputs, p: Parameters) -> Array:
+    """The steps of stages.py and coordinates.py, which print the definitions."""
+    return evaluate(inputs["image"], p, np.float64)
+
+
+def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
+    """Steps per pixel, a power for three channels counting as four."""
+    costs = {Scalar: 4.0, Linear: 1.0, Mixed: 4.0}
+    return facts["image"].pixels * (3 + sum(costs[type(step)] for step in _steps(p, facts["image"].space)))
+
+
+def _single_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    image = facts["image"]
+    value = _walk(p, image).error
+    nominal = 360.0 if p.target.polar else 100.0 if p.target in (Model.LAB, Model.LUV) else 1.0
+    vague = value > 1e-3 * nominal
+    return Error(value, "estimate", rounding=value, typical=4e-7 * nominal if vague else None)
+
+
+def _single_unfit(p: Parameters, facts: InputFacts) -> str | None:
+    if _walk(p, facts["image"]).inside:
+        return None
+    return "values this large leave the range of float32 on the way"
+
+
+def launch(device: Device, image: Image, p: Parameters) -> Array:
+    """The conversion by convert.cl, its steps written out as calls."""
+    source, target = _models(p, image.space)
+    numbers: list[float] = []
+    calls, planes = [], source.channels
+    for step in _steps(p, image.space):
+        if isinstance(step, Linear):
+            calls.append(f"linear(v, k + {len(numbers)}, {planes}, {len(step.matrix)}, {step.present});")
+            planes = len(step.matrix)
+        else:
+            calls.append(f"{step.name}(v, k + {len(numbers)}, {planes});")
+        numbers += step.numbers
+    pixels = image.height * image.width
+    origin = aligned(image.pixels)
+    out = aligned_empty((image.height, image.width, image.channels - source.channels + target.channels))
+    defines: dict[str, int | float | str] = {
+        "IN": image.channels, "OUT": out.shape[2], "READ": source.channels, "MADE": target.channels,
+        "PATH": " ".join(calls),
+    }  # fmt: skip
+    with device.session() as session:
+        session.launch(
+            "colour/convert.cl", "convert", (-(-pixels // 16),),
+            origin, session.write(out), aligned(np.array([*numbers, 0.0], np.float32)), np.int32(pixels),
+            defines=defines,
+        )  # fmt: skip
+    return out
+
+
+@convert.method(
+    "single",
+    error=_single_error,
+    work=_work,
+    rates={"opencl": Rate(3e-4, 2e-10), "numpy": Rate(1e-4, 6e-9)},
+    unfit=_single_unfit,
+)
+class Single:
+    """All steps in float32 in one pass over the picture. Where a coordinate can jump, as a hue can next to grey, the
+    error stated is the jump, and the typical one beside it what is to be expected."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return launch(device, inputs["image"], parameters)
+
+    @staticmethod
+    def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return evaluate(inputs["image"], parameters, np.float32)
+
+
+def _double_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    far = _result(p, facts).extent.magnitude
+    value = min(1.001 * ROUNDING * far, FLOAT_MAX) + TINY
+    return Error(value, "bound", rounding=value)
+
+
+@convert.method(
+    "double",
+    error=_double_error,
+    work=_work,
+    rates={"opencl": Rate(1e-4, 1.6e-8), "numpy": Rate(1e-4, 1.6e-8)},
+)
+class Double:
+    """The definitions in float64 on the host, rounded once: for what float32 cannot hold on the way, and for hues and
+    quotients that must be right to the last place."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return Double.numpy(inputs, parameters, knob)
+
+    @staticmethod
+    def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        with np.errstate(over="ignore"):
+            return aligned(evaluate(inputs["image"], parameters, np.float64), np.float32)
