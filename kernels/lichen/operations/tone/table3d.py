@@ -1,0 +1,319 @@
+"""Table3d: colour through a three-dimensional table.
+
+Truth: each colour is brought into the domain, [domain_min, domain_max] per channel, and its place in the table of n^3
+colours is interpolated between the corners of its cell:
+
+* tetrahedral: among the four corners of the tetrahedron it lies in, from the one nearest black along the axes in the
+  order of the place's parts. Neutral colours meet neutral corners only, so a table that keeps grey keeps it between its
+  nodes.
+* trilinear: among all eight.
+
+Both are continuous and neither leaves the range of the table. The table is the text of a .cube file, or an input image
+of n^2 rows and n columns, red along a row and green faster than blue down the rows. Channels beyond the third pass
+untouched; a pixel with NaN in any colour becomes NaN in all three.
+
+Source: J. Kasson et al., Performing color space conversions with three-dimensional linear interpolation, J. Electronic
+Imaging 4(3), 1995; McReynolds and Blythe, Advanced Graphics Programming Using OpenGL, 2005, section 12.2.3.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from enum import StrEnum
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from lichen.errors import Flaw
+from lichen.image import Alpha, Extent
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.operation import (
+    POINTWISE,
+    ROUNDING,
+    Error,
+    Facts,
+    HardCase,
+    Input,
+    InputFacts,
+    Inputs,
+    Light,
+    Operation,
+    OperationParameters,
+    Rate,
+)
+from lichen.operations.tone.cube import LARGEST, LONGEST, Triple, parse, written
+from lichen.operations.tone.pointwise import blockwise, carried
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import Any
+
+    from lichen.opencl.device import Device
+
+Edge = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+class Interpolation(StrEnum):
+    """Between which corners of a cell."""
+
+    TETRAHEDRAL = "tetrahedral"
+    TRILINEAR = "trilinear"
+
+
+class Parameters(OperationParameters):
+    cube: str | None = Field(None, max_length=LONGEST)
+    """the text of a .cube file with a three-dimensional table, in place of the input table"""
+    interpolation: Interpolation = Interpolation.TETRAHEDRAL
+    """tetrahedral or trilinear: they are different definitions"""
+    domain_min: tuple[Edge, Edge, Edge] | None = None
+    """the colour at the table's first node; that of the text, or 0, unless given"""
+    domain_max: tuple[Edge, Edge, Edge] | None = None
+    """the colour at the table's last node; that of the text, or 1, unless given"""
+
+    @field_validator("cube")
+    @classmethod
+    def _readable(cls, cube: str | None) -> str | None:
+        if cube is not None:
+            parse(cube)
+        return cube
+
+    @property
+    def domain(self) -> tuple[Triple, Triple]:
+        held = parse(self.cube) if self.cube is not None else None
+        low = self.domain_min or (held.low if held else (0.0, 0.0, 0.0))
+        return low, self.domain_max or (held.high if held else (1.0, 1.0, 1.0))
+
+
+def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
+    image, table = facts["image"], facts.get("table")
+    flaws = []
+    if (p.cube is None) == (table is None):
+        flaws.append(Flaw("/inputs/table", "a table is needed: as this input, or as text in cube; not both"))
+    if table is not None:
+        size = table.width
+        if table.height != size * size or not 2 <= size <= LARGEST:
+            flaws.append(Flaw("/inputs/table", f"must have n columns and n^2 rows, n from 2 to {LARGEST}"))
+        if table.extent.nonfinite:
+            flaws.append(Flaw("/inputs/table", "holds values that are not finite"))
+    if image.channels - (image.alpha is not Alpha.NONE) < 3:
+        flaws.append(Flaw("/inputs/image", "must have 3 colour channels"))
+    low, high = p.domain
+    if any(b - a < 1e-5 * max(abs(a), abs(b), 1e-6) for a, b in zip(low, high, strict=True)):
+        flaws.append(Flaw("/parameters/domain_max", "must lie above domain_min in every channel"))
+    return flaws
+
+
+@lru_cache(maxsize=8)
+def _steps_of(text: str) -> tuple[float, float, float, int]:
+    """Lowest and highest value, the largest differences along the three axes summed, and the size."""
+    table = parse(text).table
+    steps = sum(float(np.abs(np.diff(table, axis=axis)).max()) for axis in range(3))
+    return float(table.min()), float(table.max()), steps, len(table)
+
+
+def _known(p: Parameters, facts: InputFacts) -> tuple[float, float, float, int]:
+    """The same, of whichever table there is; of an input only the range is known."""
+    if p.cube is not None:
+        return _steps_of(p.cube)
+    table = facts["table"]
+    return table.extent.low, table.extent.high, 3 * table.extent.spread, table.width
+
+
+def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    """The place carries roundings of the sample, the domain and the scale; the weights sum to 1 but for theirs."""
+    low, high, steps, size = _known(p, facts)
+    ends = p.domain
+    off = max(max(abs(a), abs(b)) / (b - a) for a, b in zip(*ends, strict=True)) * (size - 1)
+    value = ROUNDING * (12 * max(abs(low), abs(high)) + steps * (4 * size + 3 * off))
+    return Error(value, "bound", value)
+
+
+def _result(p: Parameters, facts: InputFacts) -> Facts:
+    image = facts["image"]
+    low, high, _, _ = _known(p, facts)
+    slack = _error(p, 0.0, facts).value
+    low, high = low - slack, high + slack
+    if image.channels > 3:
+        low, high = min(low, image.extent.low), max(high, image.extent.high)
+    return dataclasses.replace(image, extent=Extent(low, high, min(3 * image.extent.nonfinite, image.samples)))
+
+
+def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
+    _, _, steps, size = _known(p, facts)
+    narrowest = min(b - a for a, b in zip(*p.domain, strict=True))
+    steepest = max(steps * (size - 1) / narrowest, 1.0 if facts["image"].channels > 3 else 0.0)
+    return carried(facts["image"], _result(p, facts).extent.magnitude, lambda change: steepest * change, error)
+
+
+# ------------------------------------------------------------------------------------------------------- hard cases
+
+
+def _example(size: int, bend: float) -> str:
+    """A table that bends and mixes: neutral where its input is."""
+    axis = np.linspace(0, 1, size)
+    blue, green, red = np.meshgrid(axis, axis, axis, indexing="ij")
+    grey = (red + green + blue) / 3
+    mixed = [np.round(c + bend * (c - grey) * (1 - grey), 4) ** 1.2 for c in np.clip((red, green, blue), 0, 1)]
+    return written(np.nan_to_num(np.stack(mixed, axis=-1)))
+
+
+SMALL, MIDDLE = _example(2, 0.0), _example(5, -0.4)
+
+
+def _neutral(inputs: Mapping[str, Any], pixels: Array) -> str | None:
+    worst = float(np.ptp(pixels, axis=-1).max())
+    return None if worst < 1e-6 else f"grey is off by {worst}"
+
+
+def _ends(inputs: Mapping[str, Any], pixels: Array) -> str | None:
+    got = pixels.reshape(-1, 3)
+    fine = np.allclose(got[:2], [[0, 0, 0], [1, 1, 1]], atol=1e-6) and np.isnan(got[2]).all()
+    return None if fine else f"expected black, white and NaN, got {got.tolist()}"
+
+
+table3d = Operation(
+    name="table3d",
+    family="tone",
+    summary="Passes colour through a three-dimensional table, as of a .cube file.",
+    description=__doc__ or "",
+    parameters=Parameters,
+    inputs=(
+        Input("image", "a picture of three colours; further channels pass unchanged", channels=(3, None)),
+        Input("table", "n^2 rows of n colours, red fastest", channels=(3, 3), required=False, picture=False),
+    ),
+    light=Light.STORED,
+    footprint=lambda p, facts: POINTWISE,
+    result=_result,
+    propagate=_propagate,
+    wants_alpha=Alpha.STRAIGHT,
+    check=_check,
+    examples=(
+        {"cube": MIDDLE},
+        {"cube": MIDDLE, "interpolation": "trilinear"},
+        {"cube": SMALL, "domain_min": [-0.5, 0, 0], "domain_max": [1, 2, 1.5]},
+        {"cube": SMALL, "interpolation": "trilinear", "domain_max": [0.7, 0.8, 0.9]},
+    ),
+    hard_cases=(
+        HardCase(
+            name="grey between the nodes",
+            why="tetrahedra cut another way leave the neutral axis",
+            inputs=lambda: {"image": np.repeat(np.linspace(0, 1, 301, dtype=np.float32), 3).reshape(1, -1, 3)},
+            parameters={"cube": MIDDLE},
+            holds=_neutral,
+        ),
+        HardCase(
+            name="outside the domain, and NaN",
+            why="a place beyond the last node reads past the table; NaN as an integer is any address",
+            inputs=lambda: {
+                "image": np.array([-np.inf, -1e30, -1, np.inf, 3e38, 1, np.nan, 0.5, 0.5], np.float32).reshape(1, 3, 3)
+            },
+            parameters={"cube": SMALL},
+            holds=_ends,
+        ),
+    ),
+)
+
+
+def _table(p: Parameters, inputs: Inputs) -> Array:
+    """Shape (n, n, n, 3), axes blue, green, red."""
+    if p.cube is not None:
+        return parse(p.cube).table
+    pixels = inputs["table"].pixels
+    size = pixels.shape[1]
+    return pixels.reshape(size, size, size, 3)
+
+
+def _looked_up(x: Array, table: Array, p: Parameters) -> Array:
+    """The definition, in the precision of x; x of shape (..., 3)."""
+    size = len(table)
+    table = table.reshape(-1, 3).astype(x.dtype, copy=False)
+    low, high = (np.array(edge, dtype=x.dtype) for edge in p.domain)
+    scale = ((size - 1) / (np.array(p.domain[1]) - np.array(p.domain[0]))).astype(x.dtype)
+    place = (np.clip(x, low, high) - low) * scale
+    cell = np.minimum(np.nan_to_num(place).astype(np.int32), size - 2)
+    part = place - cell.astype(x.dtype)
+    axes = np.array([1, size, size * size], np.int32)
+    base = cell @ axes
+    if p.interpolation is Interpolation.TRILINEAR:
+        return _trilinear(table, base, part, axes)
+    order = np.argsort(-part, axis=-1, kind="stable")
+    sizes = np.take_along_axis(part, order, -1)
+    steps = np.cumsum(axes[order], axis=-1)
+    value: Array = table[base] * (1 - sizes[..., :1])
+    value += table[base + steps[..., 0]] * (sizes[..., 0:1] - sizes[..., 1:2])
+    value += table[base + steps[..., 1]] * (sizes[..., 1:2] - sizes[..., 2:3])
+    value += table[base + steps[..., 2]] * sizes[..., 2:3]
+    value[np.isnan(x).any(axis=-1)] = np.nan
+    return value
+
+
+def _trilinear(table: Array, base: Array, part: Array, axes: Array) -> Array:
+    """A NaN in the place makes all three NaN by itself: every corner has every part in its weight."""
+    r, g, b = part[..., 0:1], part[..., 1:2], part[..., 2:3]
+    value = np.zeros_like(part)
+    for corner in range(8):
+        on = [(corner >> axis) & 1 for axis in range(3)]
+        weight = (r if on[0] else 1 - r) * (g if on[1] else 1 - g) * (b if on[2] else 1 - b)
+        value += table[base + int(np.dot(on, axes))] * weight
+    return value
+
+
+@table3d.truth
+def truth(inputs: Inputs, p: Parameters) -> Array:
+    image = inputs["image"]
+    result = image.pixels.copy()
+    result[..., :3] = _looked_up(image.pixels[..., :3], _table(p, inputs), p)
+    return result
+
+
+@lru_cache(maxsize=8)
+def _padded_cube(text: str) -> Array:
+    return _padded(parse(text).table)
+
+
+def _padded(table: Array) -> Array:
+    padded = aligned_empty((table.size // 3, 4))
+    padded[:, :3], padded[:, 3] = table.reshape(-1, 3), 0
+    return padded
+
+
+@table3d.method(
+    "exact",
+    error=_error,
+    work=lambda p, knob, facts: facts["image"].pixels,
+    rates={"opencl": Rate(3e-4, 5.5e-9), "numpy": Rate(1e-3, 9e-8)},
+)
+class Exact:
+    """The corners of each pixel's cell, weighted in float32."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
+        image = inputs["image"]
+        pixels = aligned(image.pixels)
+        out, count = aligned_empty(pixels.shape), image.height * image.width
+        table = _padded_cube(p.cube) if p.cube is not None else _padded(_table(p, inputs))
+        size = round(len(table) ** (1 / 3))
+        low, high = p.domain
+        scale = [(size - 1) / (b - a) for a, b in zip(low, high, strict=True)]
+        tetrahedral = int(p.interpolation is Interpolation.TETRAHEDRAL)
+        with device.session() as session:
+            session.launch(
+                "tone/table3d.cl", "lookup", (-(-count // 64),),
+                pixels, session.write(out), table, np.int32(size),
+                aligned(np.array([*low, *high, *scale], np.float32)), np.uint64(count),
+                defines={"CHANNELS": image.channels, "TETRAHEDRAL": tetrahedral},
+            )  # fmt: skip
+        return out
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
+        table = _table(p, inputs).astype(np.float32)
+
+        def body(x: Array) -> Array:
+            y = x.copy()
+            y[..., :3] = _looked_up(x[..., :3], table, p)
+            return y
+
+        return blockwise(inputs["image"], body)
