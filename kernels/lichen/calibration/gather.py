@@ -21,7 +21,7 @@ import numpy as np
 import lichen
 from lichen.accuracy import times
 from lichen.calibration import sweep
-from lichen.calibration.corpus import Case, typical
+from lichen.calibration.corpus import Case, cases, typical
 from lichen.calibration.peers import peers
 from lichen.calibration.report import Report, Setting
 from lichen.calibration.rivals import FAILURES, MISSING, Rival, brief, entry_of, rivals
@@ -38,13 +38,17 @@ LONGEST = 1.0
 """Predicted seconds above which a setting is not timed in a quick run but predicted."""
 
 
+@lru_cache(256)
 def default_example(operation: Operation[Any]) -> int:
-    """The example that shows most: all methods take it, and another than the first leads clearly; or else the first."""
+    """The example that shows most: the corpus has images for it, all methods take it, another than the first leads
+    clearly; of equals the first."""
     return max(range(len(operation.examples)), key=lambda number: (*_shows(operation, number), -number))
 
 
 def _shows(operation: Operation[Any], number: int) -> tuple[int, bool]:
     """How many methods take an example, and whether one is predicted to be twice as fast as the first of them."""
+    if next(cases(operation, operation.validate(operation.examples[number]), 32), None) is None:
+        return 0, False
     parameters, facts = operation.validate(operation.examples[number]), _facts(operation, number, SIZE)
     fit = [each for each in operation.methods.values() if each.unfit(parameters, facts) is None]
     knobs = [each.knob.values[len(each.knob.values) // 2] if each.knob else 0.0 for each in fit]
