@@ -26,8 +26,9 @@ from lichen.operation import Facts, Input, InputFacts, Inputs, Operation, Operat
 
 BRIGHTEST = 1e4
 TILE = 256
-COLOURS = 3
-"""Colour channels of a picture, where the operation takes so many."""
+"""px; larger pictures repeat one of this size where only their time matters."""
+COLOURS = (3, 4, 1)
+"""Channels of a picture, in the order in which an operation is offered them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,30 +102,41 @@ def _fields(operation: Operation[Any], kind: str, size: int) -> dict[str, Image]
     return {each.name: as_image(field(kind, size)) for each in operation.inputs if each.required}
 
 
-def _covered(operation: Operation[Any], parameters: OperationParameters, content: str, size: int) -> Inputs:
-    """The picture without coverage, unless the operation does nothing without it."""
-    declared = [each for each in operation.inputs if each.required]
-    inputs = {each.name: as_image(_fitting(each, content, size)) for each in declared}
-    for alpha in (Alpha.STRAIGHT, Alpha.ASSOCIATED):
+def _covered(operation: Operation[Any], parameters: OperationParameters, content: str, size: int) -> dict[str, Image]:
+    """The picture in the first shape that the operation takes and changes: without coverage if it may be."""
+    offered = list(_shapes(operation, content, size))
+    taken = []
+    for inputs in offered:
         facts = {name: Facts.of(image) for name, image in inputs.items()}
-        if operation.identity(parameters, facts) is None:
-            break
-        coverage = picture("gradient", size)[..., :1]
+        if not operation.check(parameters, facts):
+            if operation.identity(parameters, facts) is None:
+                return inputs
+            taken.append(inputs)
+    return (taken or offered)[0]
+
+
+def _shapes(operation: Operation[Any], content: str, size: int) -> Iterator[dict[str, Image]]:
+    """Pictures of several channel counts, then with coverage."""
+    declared = [each for each in operation.inputs if each.required]
+    for count in COLOURS:
+        yield {each.name: as_image(_fitting(each, content, size, count)) for each in declared}
+    coverage = picture("gradient", size)[..., :1]
+    for alpha in (Alpha.STRAIGHT, Alpha.ASSOCIATED):
+        inputs = {each.name: as_image(_fitting(each, content, size)) for each in declared}
         for name, image in inputs.items():
-            colours = image.pixels[..., : image.colours]
-            colours = colours * coverage if alpha is Alpha.ASSOCIATED else colours
+            colours = image.pixels * coverage if alpha is Alpha.ASSOCIATED else image.pixels
             inputs[name] = Image(aligned(np.concatenate([colours, coverage], axis=2)), alpha=alpha)
-    return inputs
+        yield inputs
 
 
-def _fitting(declared: Input, content: str, size: int) -> Array:
-    """The picture with as many channels as the input takes."""
+def _fitting(declared: Input, content: str, size: int, count: int = 3) -> Array:
+    """The picture with `count` channels, or as near to it as the input takes."""
     if not declared.picture:
         return field("smooth field", size)
     fewest, most = declared.channels
-    count = max(fewest, min(COLOURS, most or COLOURS))
+    count = max(fewest, min(count, most or count))
     colours = picture(content, size)
-    return aligned(np.concatenate([colours] * -(-count // COLOURS), axis=2)[..., :count])
+    return aligned(np.concatenate([colours] * -(-count // 3), axis=2)[..., :count])
 
 
 def _complete(operation: Operation[Any], inputs: Inputs) -> bool:
@@ -143,7 +155,7 @@ def _complete(operation: Operation[Any], inputs: Inputs) -> bool:
 def picture(content: str, size: int) -> Array:
     """One of `PICTURES`, float32 (size, size, 3)."""
     made = PICTURES[content](size)
-    colours = np.broadcast_to(made if made.ndim == 3 else made[..., None], (size, size, COLOURS))
+    colours = np.broadcast_to(made if made.ndim == 3 else made[..., None], (size, size, 3))
     pixels = aligned(colours.astype(np.float32))
     pixels.flags.writeable = False
     return pixels
@@ -178,7 +190,7 @@ def _wedges(size: int) -> Array:
 
 
 def _noise(size: int) -> Array:
-    noise: Array = np.random.default_rng(size).random((size, size, COLOURS))
+    noise: Array = np.random.default_rng(size).random((size, size, 3))
     return noise
 
 

@@ -1,7 +1,7 @@
 """The error table: what every setting of every method was wrong by, over the corpus.
 
 It belongs to the code: checked in beside it, one line per entry and three digits, so that a change of accuracy shows as
-a change of lines. `lichen calibrate --errors` writes it; a test computes a part of it again and fails where they differ.
+a change of lines. `lichen calibrate --errors` writes it; a test computes a part of it again and fails on a difference.
 """
 
 from __future__ import annotations

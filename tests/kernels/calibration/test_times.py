@@ -1,0 +1,160 @@
+"""Measured times: found from runs, kept in a folder, used by plans, and left aside where they make no sense."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lichen
+from lichen.accuracy import times
+from lichen.calibration.calibrate import Outcome, calibrate
+from lichen.calibration.fit import Sample, fit, misses
+from lichen.calibration.sweep import measure
+from lichen.calibration.timing import QUICK, Plan, Timing, cells
+from lichen.catalogue import operation, operations
+from lichen.operation import Rate
+
+SHORT = Plan(longest=0.002, cells=3, passes=1)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("LICHEN_TIMES", str(tmp_path / "times"))
+    return tmp_path / "times"
+
+
+# --------------------------------------------------------------------------------------------------------- the rates
+
+
+@pytest.mark.parametrize("rate", [Rate(1e-4, 2e-9), Rate(0.0, 1e-7), Rate(5e-4, 1e-12)])
+def test_a_rate_is_found_from_noisy_runs(rate: Rate) -> None:
+    rng = np.random.default_rng(0)
+    work = 10 ** rng.uniform(3, 9, 60)
+    noise = np.exp(np.abs(rng.normal(0, 0.05, 60)) + (rng.random(60) < 0.1) * 2)
+    samples = [Sample(w, (rate.start + rate.step * w) * n) for w, n in zip(work, noise, strict=True)]
+    found = fit(samples)
+    for w in (1e3, 1e6, 1e9):
+        assert found.start + found.step * w == pytest.approx(rate.start + rate.step * w, rel=0.12)
+    assert misses(found, samples) <= 12
+
+
+def test_a_rate_is_never_negative() -> None:
+    assert fit([Sample(1e6, 1e-3), Sample(1e3, 2e-3)]).step > 0
+    assert fit([Sample(1e3, 1e-6), Sample(1e6, 2e-3)]).start >= 0
+    assert fit([Sample(1e3, 1e-6)]).start >= 0
+
+
+# ----------------------------------------------------------------------------------------------------------- storage
+
+
+def test_what_is_stored_is_read_and_added_to() -> None:
+    assert times.current("numpy") == {}
+    times.store("numpy", {("gaussian", "fir"): Rate(1e-4, 2e-11)})
+    path = times.store("numpy", {("lic", "rk2"): Rate(0.0, 1e-9)})
+    assert path == times.path_of("numpy")
+    assert times.current("numpy") == {("gaussian", "fir"): Rate(1e-4, 2e-11), ("lic", "rk2"): Rate(0.0, 1e-9)}
+    assert times.current("opencl") == {}
+    assert [each.name for each in path.parent.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "{", '{"rates": 3}', '{"rates": [["a", "b", 1]]}', '{"rates": [["a", "b", NaN, 1], ["a", "c", 1, -1]]}'],
+)
+def test_a_file_that_makes_no_sense_is_left_aside(folder: Path, text: str) -> None:
+    folder.mkdir()
+    times.path_of("numpy").write_text(text)
+    assert times.current("numpy") == {}
+    times.store("numpy", {("gaussian", "fir"): Rate(1e-4, 2e-11)})
+    assert len(times.current("numpy")) == 1
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is forbidden to root")
+def test_a_folder_that_cannot_be_written_is_no_error(folder: Path) -> None:
+    folder.parent.chmod(0o500)
+    assert times.store("numpy", {("gaussian", "fir"): Rate(1e-4, 2e-11)}) is None
+    assert times.current("numpy") == {}
+
+
+def test_a_folder_that_cannot_be_is_no_error(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder.write_text("a file stands where the folder should")
+    assert times.store("numpy", {("gaussian", "fir"): Rate(1e-4, 2e-11)}) is None
+    assert times.current("numpy") == {}
+
+
+# ------------------------------------------------------------------------------------------------------------- plans
+
+
+def test_plans_use_what_was_measured() -> None:
+    image, slow, quick = np.zeros((64, 64), np.float32), Rate(5.0, 1e-3), Rate(1e-9, 1e-15)
+    for name, other in (("fir", "dct"), ("dct", "fir")):
+        times.store("numpy", {("gaussian", name): quick, ("gaussian", other): slow})
+        plan = lichen.explain("gaussian", image, sigma=2.0, max_error=1e-3, device="numpy")
+        assert plan.method.startswith(name)
+        assert plan.seconds < 1e-6
+    assert lichen.explain("gaussian", image, sigma=2.0, device="numpy", method="fir").seconds > 5
+
+
+# ------------------------------------------------------------------------------------------------------- calibration
+
+
+@pytest.mark.parametrize("name", operations())
+@pytest.mark.parametrize("backend", ["opencl", "numpy"])
+def test_cells_cover_every_method_with_short_runs(name: str, backend: str) -> None:
+    chosen = cells(operation(name), backend, QUICK)
+    assert {cell.method for cell in chosen} == set(operation(name).methods)
+    assert len(set(chosen)) == len(chosen)
+    for method in operation(name).methods:
+        own = [cell.predicted for cell in chosen if cell.method == method]
+        assert max(own) <= QUICK.longest or len(own) == 1
+
+
+def test_calibration_measures_every_method_and_goes_on_where_it_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen, outcome = [operation("premultiply"), operation("transfer")], Outcome()
+    for step in calibrate(chosen, ["numpy"], SHORT, outcome):
+        if step.operation == "transfer":
+            break
+    assert set(times.current("numpy")) == {("premultiply", "exact")}
+
+    again = Outcome()
+    steps = list(calibrate(chosen, ["numpy"], SHORT, again))
+    assert {step.operation for step in steps} == {"transfer"}
+    assert steps[-1].done == steps[-1].total
+    assert (again.resumed, again.kept) == (1, True)
+    assert again.samples == len(cells(operation("transfer"), "numpy", SHORT))
+    assert {method for _, method in times.current("numpy")} == {"exact", "table"}
+
+    third = Outcome()
+    list(calibrate(chosen, ["numpy"], SHORT, third))
+    assert third.resumed == 0
+
+
+def test_a_disturbed_run_is_made_again() -> None:
+    measured = Timing(operation("premultiply"), "numpy", SHORT)
+    answers = iter([False, *[True] * 100])
+    steps = list(measured.steps(lambda: next(answers)))
+    assert len(steps) == measured.runs + 1
+    assert all(len(kept) == SHORT.passes for kept in measured.seconds.values())
+
+
+def test_a_sweep_says_error_and_time_of_every_setting() -> None:
+    points = measure("gaussian", 0, size=64, backends=("numpy",), quick=True)
+    assert {(point.method, point.knob) for point in points} == {
+        (method.name, knob) for method in operation("gaussian").methods.values() for knob in method.knob.values
+    }
+    for point in points:
+        assert point.failed is None
+        assert point.seconds > 0
+        assert 0 < point.largest <= point.stated
+    clamped = measure("gaussian", 4, size=64, backends=("numpy",), quick=True)
+    assert all("border" in point.failed for point in clamped if point.method == "dct")
+
+
+def test_times_are_taken_from_the_quickest_run() -> None:
+    measured = Timing(operation("premultiply"), "numpy", SHORT)
+    for number, kept in enumerate(measured.seconds.values(), 1):
+        kept.extend([7.0, number, 9.0])
+    assert [sample.seconds for sample in measured.samples()["exact"]] == [*range(1, len(measured.seconds) + 1)]
