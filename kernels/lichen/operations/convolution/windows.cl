@@ -102,39 +102,50 @@ __kernel void down(__global const float *restrict in, __global const int *restri
     }
 }
 
-// `count` channels from c on of one row. `width` counts pixels.
+// A block of `count` channels of one row, from pixel x on. Where it lies `inside`, sample i is `shift` pixels further.
+inline __attribute__((always_inline)) void block(__global const float *row, __global const int *sources,
+                                                 __global float *out, int x, int wide, int channels, int n, int shift,
+                                                 float value, float scale, const int count, const int inside)
+{
+    float s[GROUP];
+    for (int i = n - 1; i >= 0; i--) {
+        int source = inside ? x + i + shift : sources[x + i];
+        #pragma unroll
+        for (int c = 0; c < count; c++) {
+            float v = SAMPLE(!inside && source < 0 ? value : row[source * channels + c]);
+            s[c] = i == n - 1 ? v : JOIN(v, s[c]);
+            if (i < wide)
+                out[(x + i) * channels + c] = s[c];
+        }
+    }
+    for (int i = 1; i < wide; i++) {
+        int source = inside ? x + n + i - 1 + shift : sources[x + n + i - 1];
+        #pragma unroll
+        for (int c = 0; c < count; c++) {
+            float v = SAMPLE(!inside && source < 0 ? value : row[source * channels + c]);
+            s[c] = i == 1 ? v : JOIN(s[c], v);
+            out[(x + i) * channels + c] = JOIN(out[(x + i) * channels + c], s[c]);
+        }
+    }
+}
+
+// `count` channels of one row. `width` counts pixels.
 inline __attribute__((always_inline)) void along(__global const float *row, __global const int *sources,
-                                                 __global float *out, int width, int channels, int n, float value,
-                                                 float scale, const int count)
+                                                 __global float *out, int width, int channels, int n, int before,
+                                                 float value, float scale, const int count)
 {
     for (int x = 0; x < width; x += n) {
-        int wide = min(n, width - x);
-        float s[GROUP];
-        for (int i = n - 1; i >= 0; i--) {
-            int source = sources[x + i];
-            #pragma unroll
-            for (int c = 0; c < count; c++) {
-                float v = SAMPLE(source < 0 ? value : row[source * channels + c]);
-                s[c] = i == n - 1 ? v : JOIN(v, s[c]);
-                if (i < wide)
-                    out[(x + i) * channels + c] = s[c];
-            }
-        }
-        for (int i = 1; i < wide; i++) {
-            int source = sources[x + n + i - 1];
-            #pragma unroll
-            for (int c = 0; c < count; c++) {
-                float v = SAMPLE(source < 0 ? value : row[source * channels + c]);
-                s[c] = i == 1 ? v : JOIN(s[c], v);
-                out[(x + i) * channels + c] = JOIN(out[(x + i) * channels + c], s[c]);
-            }
-        }
+        if (x >= before && x - before + 2 * n <= width && x + n <= width)
+            block(row, sources, out, x, n, channels, n, -before, value, scale, count, 1);
+        else
+            block(row, sources, out, x, min(n, width - x), channels, n, 0, value, scale, count, 0);
     }
 }
 
 // One item: one row.
 __kernel void across(__global const float *restrict in, __global const int *restrict sources,
-                     __global float *restrict out, int height, int width, int channels, int n, float value, float scale)
+                     __global float *restrict out, int height, int width, int channels, int n, int before, float value,
+                     float scale)
 {
     int y = get_global_id(0);
     if (y >= height)
@@ -144,10 +155,10 @@ __kernel void across(__global const float *restrict in, __global const int *rest
         __global const float *row = in + start + c;
         __global float *to = out + start + c;
         switch (min(GROUP, channels - c)) {
-        case 1: along(row, sources, to, width, channels, n, value, scale, 1); break;
-        case 2: along(row, sources, to, width, channels, n, value, scale, 2); break;
-        case 3: along(row, sources, to, width, channels, n, value, scale, 3); break;
-        default: along(row, sources, to, width, channels, n, value, scale, 4);
+        case 1: along(row, sources, to, width, channels, n, before, value, scale, 1); break;
+        case 2: along(row, sources, to, width, channels, n, before, value, scale, 2); break;
+        case 3: along(row, sources, to, width, channels, n, before, value, scale, 3); break;
+        default: along(row, sources, to, width, channels, n, before, value, scale, 4);
         }
     }
 }

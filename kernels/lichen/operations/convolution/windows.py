@@ -59,22 +59,25 @@ def windows_opencl(
 ) -> Array:
     """The windows of every pixel of an array (height, width, channels), down and then across."""
     height, width, channels = pixels.shape
-    between, out = aligned_empty(pixels.shape), aligned_empty(pixels.shape)
-    defines = {"COMBINE": int(combine)}
+    out, defines = aligned_empty(pixels.shape), {"COMBINE": int(combine)}
     band = window.height * max(BAND // window.height, 1)
     with device.session() as session:
-        session.launch(
-            "convolution/windows.cl", "down", (-(-width * channels // LANES), -(-height // band)),
-            pixels, _sources(height, window.height, window.top, border), session.readwrite(between), np.int32(height),
-            np.int32(width * channels), np.int32(window.height), np.int32(band), np.float32(value),
-            np.float32(1 / window.height), local=(1, 1), defines=defines,
-        )  # fmt: skip
-        session.launch(
-            "convolution/windows.cl", "across", (height,),
-            between, _sources(width, window.width, window.left, border), session.readwrite(out), np.int32(height),
-            np.int32(width), np.int32(channels), np.int32(window.width), np.float32(value),
-            np.float32(1 / window.width), local=(1,), defines=defines,
-        )  # fmt: skip
+        source, target = pixels, out if window.width == 1 else session.scratch(pixels.shape)
+        if window.height > 1 or window.width == 1:
+            session.launch(
+                "convolution/windows.cl", "down", (-(-width * channels // LANES), -(-height // band)),
+                source, _sources(height, window.height, window.top, border), session.readwrite(target),
+                np.int32(height), np.int32(width * channels), np.int32(window.height), np.int32(band),
+                np.float32(value), np.float32(1 / window.height), local=(1, 1), defines=defines,
+            )  # fmt: skip
+            source = target
+        if window.width > 1:
+            session.launch(
+                "convolution/windows.cl", "across", (height,),
+                source, _sources(width, window.width, window.left, border), session.readwrite(out), np.int32(height),
+                np.int32(width), np.int32(channels), np.int32(window.width), np.int32(window.left), np.float32(value),
+                np.float32(1 / window.width), local=(1,), defines=defines,
+            )  # fmt: skip
     return out
 
 

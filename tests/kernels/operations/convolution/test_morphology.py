@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ def by_scipy(pixels: np.ndarray, step: Step, size: tuple[int, int], border: Bord
     def dilate(image: np.ndarray) -> np.ndarray:
         return np.asarray(ndimage.maximum_filter(image, (*size, 1), mode=SCIPY[border], cval=0.25))
 
-    return {
+    made: dict[Step, Callable[[], np.ndarray]] = {
         Step.ERODE: lambda: erode(pixels),
         Step.DILATE: lambda: dilate(pixels),
         Step.OPEN: lambda: dilate(erode(pixels)),
@@ -42,7 +43,8 @@ def by_scipy(pixels: np.ndarray, step: Step, size: tuple[int, int], border: Bord
         Step.GRADIENT: lambda: dilate(pixels) - erode(pixels),
         Step.TOPHAT: lambda: pixels - dilate(erode(pixels)),
         Step.BLACKHAT: lambda: erode(dilate(pixels)) - pixels,
-    }[step]()
+    }
+    return made[step]()
 
 
 @settings(max_examples=60, deadline=None)
