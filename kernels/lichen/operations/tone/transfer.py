@@ -59,6 +59,8 @@ if TYPE_CHECKING:
 
 Luminance = Annotated[float, Field(json_schema_extra={"unit": "cd/m2"})]
 
+KNOWN = 1024
+"""Answers that predictions keep: a planner asks for the same many times over."""
 WHITE = {Curve.PQ: 203.0, Curve.BT1886: 100.0}
 """cd/m2 of linear 1 where the caller names none: graphics white of ITU-R BT.2408, the reference display of BT.2035"""
 
@@ -137,9 +139,11 @@ def _bounds(p: Parameters, facts: Facts) -> tuple[float, float]:
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
-    image = facts["image"]
-    if _identity(p, facts):
-        return image
+    return facts["image"] if _identity(p, facts) else _converted(p, facts["image"])
+
+
+@lru_cache(maxsize=KNOWN)
+def _converted(p: Parameters, image: Facts) -> Facts:
     shape = form(p)
     low, high = (shape.value(x) for x in _bounds(p, image))
     slack = shape.jump + _exact_error(p, image).value
@@ -166,12 +170,16 @@ def _space(p: Parameters, space: Space) -> Space:
 
 
 def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
-    image = facts["image"]
+    return _carried(p, facts["image"], error)
+
+
+@lru_cache(maxsize=KNOWN)
+def _carried(p: Parameters, image: Facts, error: float) -> float:
     if image.alpha is Alpha.NONE:
         return form(p).modulus(*_bounds(p, image), error)
     # Colour counts multiplied by its coverage a. With |c'a' - ca| and |a' - a| at most e, (c' - c) a' is at most
     # (1 + |c|) e, and f(c')a' - f(c)a = (f(c') - f(c)) a' + f(c) (a' - a).
-    colour, result = image.extent.magnitude, _result(p, facts).extent.magnitude
+    colour, result = image.extent.magnitude, _converted(p, image).extent.magnitude
     return max(form(p).modulus(*_bounds(p, image), (1 + colour) * error) + result * error, error)
 
 
@@ -303,6 +311,7 @@ ROUNDINGS = 3.0
 """Roundings of the worst sample: of the result itself, and of the argument, which the curve's steepness amplifies."""
 
 
+@lru_cache(maxsize=KNOWN)
 def _exact_error(p: Parameters, facts: Facts) -> Error:
     """Rounding x steepness x size of the result at the far end of the range, where the product is largest.
 
