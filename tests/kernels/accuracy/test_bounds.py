@@ -112,7 +112,9 @@ def test_methods_keep_what_they_state(operation: Operation[Any]) -> None:
 PICTURED = {
     name: each
     for name, each in OPERATIONS.items()
-    if each.inputs[0].picture and each.inputs[0].channels[0] <= 4 <= (each.inputs[0].channels[1] or 4)
+    if each.inputs[0].picture
+    and each.inputs[0].channels[0] <= 4 <= (each.inputs[0].channels[1] or 4)
+    and sum(declared.required for declared in each.inputs) == 1
 }
 
 

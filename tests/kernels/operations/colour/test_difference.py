@@ -1,0 +1,51 @@
+"""Colour differences against colour-science and what must hold of any of them."""
+
+from __future__ import annotations
+
+import colour
+import numpy as np
+import pytest
+
+import lichen
+from lichen.errors import InvalidRequest
+from lichen.image import Image, Space
+
+BACKENDS = ("opencl", "numpy")
+RNG = np.random.default_rng(8)
+FIRST, SECOND = (RNG.uniform((0, -90, -90), (100, 90, 90), (23, 19, 3)).astype(np.float32) for _ in range(2))
+METHODS = {"cie76": "CIE 1976", "ciede2000": "CIE 2000"}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("formula", list(METHODS))
+def test_agrees_with_colour_science(formula: str, backend: str) -> None:
+    found = lichen.run("difference", FIRST, reference=SECOND, source="lab", formula=formula, device=backend).image
+    expected = colour.delta_E(FIRST.astype(np.float64), SECOND.astype(np.float64), method=METHODS[formula])
+    assert found.pixels.shape == (23, 19, 1)
+    assert np.abs(found.pixels[..., 0] - expected).max() < 2e-5
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_cie94_agrees_with_colour_science(backend: str) -> None:
+    """Whose first argument is the reference."""
+    found = lichen.run("difference", FIRST, reference=SECOND, source="lab", formula="cie94", device=backend).image
+    expected = colour.delta_E(SECOND.astype(np.float64), FIRST.astype(np.float64), method="CIE 1994", textiles=False)
+    assert np.abs(found.pixels[..., 0] - expected).max() < 2e-5
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("formula", ["cie76", "cie94", "ciede2000"])
+def test_of_pictures(formula: str, backend: str) -> None:
+    """sRGB pictures are compared in the light they stand for; a picture does not differ from itself."""
+    first, second = (Image(RNG.random((9, 11, 3), dtype=np.float32), Space.SRGB) for _ in range(2))
+    found = lichen.run("difference", first, reference=second, formula=formula, device=backend).image.pixels
+    labs = [lichen.evaluate_truth("convert", each, target="lab") for each in (first, second)]
+    expected = lichen.evaluate_truth("difference", labs[0], reference=labs[1], source="lab", formula=formula)
+    assert np.abs(found - expected).max() < 1e-3
+    assert not lichen.run("difference", first, reference=first, formula=formula, device=backend).image.pixels.any()
+
+
+def test_sizes_must_agree() -> None:
+    with pytest.raises(InvalidRequest) as refused:
+        lichen.run("difference", FIRST, reference=SECOND[:-1])
+    assert refused.value.flaws[0].pointer == "/inputs/reference"
