@@ -277,7 +277,7 @@ def launch(device: Device, image: Image, p: Parameters) -> Array:
     "single",
     error=_single_error,
     work=_work,
-    rates={"opencl": Rate(3e-4, 2e-10), "numpy": Rate(1e-4, 6e-9)},
+    rates={"opencl": Rate(3e-4, 3e-10), "numpy": Rate(1e-4, 2.2e-9)},
     unfit=_single_unfit,
 )
 class Single:
@@ -303,7 +303,7 @@ def _double_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     "double",
     error=_double_error,
     work=_work,
-    rates={"opencl": Rate(1e-4, 1.6e-8), "numpy": Rate(1e-4, 1.6e-8)},
+    rates={"opencl": Rate(1e-4, 4.2e-9), "numpy": Rate(1e-4, 4.2e-9)},
 )
 class Double:
     """The definitions in float64 on the host, rounded once: for what float32 cannot hold on the way, and for hues and
