@@ -94,7 +94,8 @@ def _footprint(p: Parameters, facts: InputFacts) -> Footprint:
 
 def _base(p: Parameters, facts: InputFacts) -> tuple[float, float]:
     """Range of the base, by channel values; luminance is a mean of what it is made of."""
-    extent = (facts["base"] if p.preset is None else facts["image"]).extent
+    # Facts are asked for before the inputs are checked, so a base that is needed may not be there yet.
+    extent = (facts.get("base", facts["image"]) if p.preset is None else facts["image"]).extent
     low, high = extent.low, extent.high
     if p.preset is Preset.BRIGHTNESS:
         return 0.0, 0.0

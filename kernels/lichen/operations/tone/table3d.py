@@ -117,7 +117,8 @@ def _known(p: Parameters, facts: InputFacts) -> tuple[float, float, float, int]:
     """The same, of whichever table there is; of an input only the range is known."""
     if p.cube is not None:
         return _steps_of(p.cube)
-    table = facts["table"]
+    # Facts are asked for before the inputs are checked, so the table may not be there yet.
+    table = facts.get("table", facts["image"])
     return table.extent.low, table.extent.high, 3 * table.extent.spread, table.width
 
 
@@ -125,7 +126,7 @@ def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     """The place carries roundings of the sample, the domain and the scale; the weights sum to 1 but for theirs."""
     low, high, steps, size = _known(p, facts)
     ends = p.domain
-    off = max(max(abs(a), abs(b)) / (b - a) for a, b in zip(*ends, strict=True)) * (size - 1)
+    off = max(max(abs(a), abs(b)) / max(b - a, 1e-12) for a, b in zip(*ends, strict=True)) * (size - 1)
     value = ROUNDING * (12 * max(abs(low), abs(high)) + steps * (4 * size + 3 * off))
     return Error(value, "bound", value)
 
@@ -142,7 +143,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
 
 def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
     _, _, steps, size = _known(p, facts)
-    narrowest = min(b - a for a, b in zip(*p.domain, strict=True))
+    narrowest = max(min(b - a for a, b in zip(*p.domain, strict=True)), 1e-12)
     steepest = max(steps * (size - 1) / narrowest, 1.0 if facts["image"].channels > 3 else 0.0)
     return carried(facts["image"], _result(p, facts).extent.magnitude, lambda change: steepest * change, error)
 
