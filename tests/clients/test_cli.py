@@ -61,7 +61,7 @@ def test_help_and_mistakes_import_no_image_library() -> None:
 def test_help_names_every_command(command: Lichen) -> None:
     status, out, _ = command("--help")
     assert status == 0
-    assert all(name in out for name in ("serve", "run", "operations", "doctor"))
+    assert all(name in out for name in ("serve", "run", "operations", "calibrate", "doctor"))
 
 
 def test_the_version_is_the_librarys(command: Lichen) -> None:
@@ -72,7 +72,7 @@ def test_the_version_is_the_librarys(command: Lichen) -> None:
     ("arguments", "sentence"),
     [
         (["serv"], "there is no command 'serv'; did you mean serve?"),
-        (["xyzzy"], "there is no command 'xyzzy'; known: serve, run, operations, accuracy, doctor"),
+        (["xyzzy"], "there is no command 'xyzzy'; known: serve, run, operations, accuracy, calibrate, doctor"),
         (["--nonsense"], "unrecognized arguments: --nonsense"),
         (["run", "--sigma", "5"], "the name of an operation comes first"),
         (["run", "gausian", "a", "b"], "There is no operation 'gausian'; did you mean gaussian?"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -84,4 +85,5 @@ class _Finished:
         times.write(self._path, json.dumps(sorted(self.names)))
 
     def clear(self) -> None:
-        self._path.unlink(missing_ok=True)
+        with suppress(OSError):  # there is none, nor a folder for it
+            self._path.unlink()

@@ -110,5 +110,5 @@ def _rounded(entry: Entry) -> dict[str, object]:
 
 def _upwards(value: float) -> float:
     """The smallest number of three digits that is not below `value`."""
-    exact = Decimal(value)
+    exact = Decimal(repr(value))  # as it is written, so that a figure read back stays what it is
     return float(exact.quantize(Decimal(1).scaleb(exact.adjusted() - DIGITS + 1), ROUND_CEILING)) if value else 0.0
