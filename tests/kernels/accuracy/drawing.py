@@ -120,8 +120,8 @@ def channels(declared: Input) -> st.SearchStrategy[int]:
 def parameters(draw: st.DrawFn, operation: Operation[Any]) -> dict[str, Any]:
     """Values for the parameters, as their JSON schema allows; half of the time an example with some of them replaced.
 
-    What no schema says (the shape of a matrix, fields that depend on one another) is known from the examples alone:
-    arrays are theirs with other numbers.
+    What no schema says (the shape of a matrix, what a text means, fields that depend on one another) is known from the
+    examples alone: arrays are theirs with other numbers, texts are theirs.
     """
     schema = operation.schema()
     base = dict(draw(st.sampled_from([{}, draw(st.sampled_from(operation.examples))])))
@@ -131,8 +131,10 @@ def parameters(draw: st.DrawFn, operation: Operation[Any]) -> dict[str, Any]:
             continue
         if name in base and draw(st.integers(0, 3)):
             continue
-        usual = value(field, schema.get("$defs", {}))
-        base[name] = draw(st.sampled_from(shapes).flatmap(renumbered) if shapes else usual)
+        if shapes:
+            base[name] = draw(st.sampled_from(shapes).flatmap(renumbered))
+        elif "string" not in (each.get("type") for each in (field, *field.get("anyOf", ())) if "enum" not in each):
+            base[name] = draw(value(field, schema.get("$defs", {})))
     return base
 
 

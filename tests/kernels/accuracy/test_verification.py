@@ -73,7 +73,9 @@ def test_truth_of_tiles_is_the_truth(name: str, example: Mapping[str, Any]) -> N
     whole = exact(graph, sources)
     reach = verification._reach(graph, *SIZE)
     if isinstance(reach, str):
-        assert "fastest vector" in reach
+        assert (
+            operation.implied(graph.nodes[0].parameters, {"image": Facts(*SIZE, 3), "field": Facts(*SIZE, 2)}) == reach
+        )
         return
     for tile in tiles_of(SIZE, 12, 11):
         part = truth_of_tile(graph, sources, reach, tile)
