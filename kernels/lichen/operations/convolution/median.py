@@ -27,6 +27,7 @@ from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import (
     EXACT,
+    ROUNDING,
     Border,
     Error,
     Facts,
@@ -62,7 +63,11 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
 
 
 def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    return EXACT
+    """None, but that a constant border's value is one of float32."""
+    if p.border is not Border.CONSTANT or p.value == np.float32(p.value):
+        return EXACT
+    rounding = ROUNDING * abs(p.value)
+    return Error(rounding, "bound", rounding)
 
 
 def _salt() -> dict[str, Array]:
