@@ -64,7 +64,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
 
 def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     """None, but that a constant border's value is one of float32."""
-    if p.border is not Border.CONSTANT or p.value == np.float32(p.value):
+    if p.border is not Border.CONSTANT or p.value == float(np.float32(p.value)):
         return EXACT
     rounding = ROUNDING * abs(p.value)
     return Error(rounding, "bound", rounding)
