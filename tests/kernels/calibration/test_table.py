@@ -8,7 +8,7 @@ import pytest
 
 from lichen.calibration import table
 from lichen.calibration.corpus import typical
-from lichen.calibration.sweep import errors, settings
+from lichen.calibration.sweep import PRECISION, errors, settings
 from lichen.calibration.table import Entry, Table
 from lichen.catalogue import operations
 
@@ -32,10 +32,16 @@ def _cheapest(name: str) -> int:
 def test_every_setting_of_every_operation_is_in_it() -> None:
     for name, operation in OPERATIONS.items():
         entries = table.load().of(name)
-        known = {(entry.method, entry.knob) for entry in entries}
+        known = {(entry.method, entry.knob) for entry in entries if entry.precision == PRECISION}
         assert known == {(each.method.name, each.knob) for each in settings(operation)}, f"{name}: {AGAIN}"
         assert {entry.example for entry in entries} == set(range(len(operation.examples))), f"{name}: {AGAIN}"
     assert {entry.operation for entry in table.load().entries} == set(OPERATIONS)
+
+
+def test_every_four_bits_divide_the_error_of_a_store_by_sixteen() -> None:
+    kept = {entry.precision: entry for entry in table.load().of("transfer", 0)}
+    for coarse, fine in (("fixed8", "fixed12"), ("fixed12", "fixed16")):
+        assert kept[coarse].rms / kept[fine].rms == pytest.approx(16, rel=0.15)
 
 
 def test_no_error_is_larger_than_stated() -> None:
@@ -46,10 +52,10 @@ def test_no_error_is_larger_than_stated() -> None:
 @pytest.mark.parametrize("name", sorted({entry.operation for entry in table.load().entries}))
 def test_what_it_says_is_found_again(name: str) -> None:
     example = _cheapest(name)
-    kept = {(entry.method, entry.knob): entry for entry in table.load().of(name, example)}
+    kept = {(entry.method, entry.knob, entry.precision): entry for entry in table.load().of(name, example)}
     drifted = []
     for found in errors(OPERATIONS[name], example, next(iter(kept.values())).size):
-        entry = kept[found.method, found.knob]
+        entry = kept[found.method, found.knob, found.precision]
         assert found.holds, found
         for figure in ("largest", "typical_rms"):
             old, new = getattr(entry, figure), getattr(found, figure)
