@@ -3,6 +3,8 @@
 Images mix what breaks filters (impulses, checks, extremes in two levels) with what breaks curves (values across all
 magnitudes, neighbours of the numbers where standards change their formula) and what breaks line integrals (vortices and
 saddles). Numbers are drawn by magnitude as often as evenly, with the ends of their range and their defaults.
+
+Strategies take operations by name: hypothesis prints its arguments, and declarations are full of functions.
 """
 
 from __future__ import annotations
@@ -15,10 +17,12 @@ import numpy as np
 from hypothesis import assume
 from hypothesis import strategies as st
 
+import lichen
 from lichen.errors import InvalidRequest
 from lichen.image import Image, as_image
-from lichen.operation import Facts, Input, Method, Operation
+from lichen.operation import Facts, Input, Method
 
+OPERATIONS = lichen.operations()
 DEAREST = 0.15
 """Predicted seconds of truth; more than is drawn."""
 KNEES = (0.0, 0.0031308, 0.018, 0.04045, 1 / 12, 0.081, 0.5, 1.0, 1.8396, 1.9921, 2.0)
@@ -100,11 +104,11 @@ def pixels(draw: st.DrawFn, height: int, width: int, channels: int) -> np.ndarra
 
 
 @st.composite
-def images(draw: st.DrawFn, operation: Operation[Any]) -> dict[str, Image]:
+def images(draw: st.DrawFn, name: str) -> dict[str, Image]:
     """Inputs of an operation, of one size as a rule; optional ones half of the time."""
     height, width = draw(st.integers(1, 48)), draw(st.integers(1, 48))
     made = {}
-    for declared in operation.inputs:
+    for declared in OPERATIONS[name].inputs:
         if declared.required or draw(st.booleans()):
             size = (height, width) if draw(st.integers(0, 4)) else (draw(st.integers(1, 48)), draw(st.integers(1, 48)))
             made[declared.name] = as_image(draw(pixels(*size, draw(channels(declared)))))
@@ -117,12 +121,13 @@ def channels(declared: Input) -> st.SearchStrategy[int]:
 
 
 @st.composite
-def parameters(draw: st.DrawFn, operation: Operation[Any]) -> dict[str, Any]:
+def parameters(draw: st.DrawFn, operation_name: str) -> dict[str, Any]:
     """Values for the parameters, as their JSON schema allows; half of the time an example with some of them replaced.
 
     What no schema says (the shape of a matrix, what a text means, fields that depend on one another) is known from the
     examples alone: arrays are theirs with other numbers, texts are theirs.
     """
+    operation = OPERATIONS[operation_name]
     schema = operation.schema()
     base = dict(draw(st.sampled_from([{}, draw(st.sampled_from(operation.examples))])))
     for name, field in schema.get("properties", {}).items():
@@ -187,11 +192,12 @@ def numbers(low: float, high: float, *, open_low: bool = False, open_high: bool 
 
 
 @st.composite
-def cases(draw: st.DrawFn, operation: Operation[Any]) -> tuple[dict[str, Image], Any, dict[str, Facts]]:
+def cases(draw: st.DrawFn, name: str) -> tuple[dict[str, Image], Any, dict[str, Facts]]:
     """Inputs, parameters and facts that the operation takes and whose truth is soon found."""
-    given = draw(images(operation))
+    operation = OPERATIONS[name]
+    given = draw(images(name))
     try:
-        chosen = operation.validate(draw(parameters(operation)))
+        chosen = operation.validate(draw(parameters(name)))
     except InvalidRequest:
         assume(False)
     facts = {name: Facts.of(image) for name, image in given.items()}

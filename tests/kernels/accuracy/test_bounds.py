@@ -80,7 +80,7 @@ def test_methods_keep_what_they_state(operation: Operation[Any]) -> None:
     @draws(40)
     @given(st.data())
     def holds(data: st.DataObject) -> None:
-        inputs, parameters, facts = data.draw(drawing.cases(operation))
+        inputs, parameters, facts = data.draw(drawing.cases(operation.name))
         fit = [each for each in operation.methods.values() if each.unfit(parameters, facts) is None]
         assume(fit)
         truth = operation.evaluate_truth(inputs, parameters)
@@ -141,7 +141,7 @@ def test_whole_runs_keep_what_they_state(operation: Operation[Any]) -> None:
     @given(st.data())
     def holds(data: st.DataObject) -> None:
         picture = data.draw(pictures())
-        values = data.draw(drawing.parameters(operation))
+        values = data.draw(drawing.parameters(operation.name))
         wish = {
             "precision": data.draw(st.sampled_from(PRECISIONS)),
             "device": data.draw(st.sampled_from(BACKENDS)),
