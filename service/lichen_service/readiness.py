@@ -18,7 +18,7 @@ import structlog
 from lichen import catalogue, engine
 from lichen.errors import InvalidRequest, LichenError, Unattainable
 from lichen.image import Image
-from lichen.operation import Facts, Operation
+from lichen.operation import Facts, Input, Operation
 
 log = structlog.get_logger("lichen_service")
 
@@ -32,21 +32,28 @@ SIDE = 8
 
 def example(operation: Operation[Any]) -> tuple[dict[str, Image], dict[str, Any]] | None:
     """Tiny inputs and parameters with which an operation really computes; None if its declaration offers none."""
-    ramp = np.linspace(0.1, 0.9, SIDE * SIDE, dtype=np.float32).reshape(SIDE, SIDE, 1)
-    inputs = {each.name: Image(np.repeat(ramp, each.channels[0], axis=2)) for each in operation.inputs if each.required}
-    facts = {name: Facts.of(image) for name, image in inputs.items()}
     fallback = None
-    for candidate in ({}, *(case.parameters for case in operation.hard_cases)):
-        try:
-            parameters = operation.validate(candidate)
-        except InvalidRequest:
-            continue
-        if operation.check(parameters, facts):
-            continue
-        if operation.identity(parameters, facts) is None:
-            return inputs, dict(candidate)
-        fallback = fallback or (inputs, dict(candidate))
+    for channels in (3, 1):
+        inputs = {each.name: _ramp(each, channels) for each in operation.inputs if each.required}
+        facts = {name: Facts.of(image) for name, image in inputs.items()}
+        for candidate in ({}, *operation.examples, *(case.parameters for case in operation.hard_cases)):
+            try:
+                parameters = operation.validate(candidate)
+            except InvalidRequest:
+                continue
+            if operation.check(parameters, facts):
+                continue
+            if operation.identity(parameters, facts) is None:
+                return inputs, dict(candidate)
+            fallback = fallback or (inputs, dict(candidate))
     return fallback
+
+
+def _ramp(declared: Input, channels: int) -> Image:
+    """A tiny picture with as near to `channels` channels as the input takes."""
+    fewest, most = declared.channels
+    ramp = np.linspace(0.1, 0.9, SIDE * SIDE, dtype=np.float32).reshape(SIDE, SIDE, 1)
+    return Image(np.repeat(ramp, min(max(channels, fewest), most or channels), axis=2))
 
 
 def warm_up(device: str | None = None) -> Iterator[tuple[str, str, LichenError | None]]:

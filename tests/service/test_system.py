@@ -261,7 +261,7 @@ def test_every_operation_answers_its_own_example(call: Caller, operations: Mappi
         assert made is not None
         inputs, parameters = made
         body, headers = form({name: bytes(encode(image, "npy").data) for name, image in inputs.items()})
-        query = "&".join(f"{name}={value}" for name, value in as_query(parameters))
+        query = "&".join(f"{name}={value}" for name, value in [*as_query(parameters), ("format", "npy")])
         response = call("QUERY", f"/v1/operations/{operation.name}?{query}", body, headers)
         assert response.status == 200, (operation.name, bytes(response.body))
         assert response.headers["Content-Type"] == "application/x-npy"

@@ -26,7 +26,6 @@ from lichen.image import Alpha, Storage
 from lichen.memory import Array
 from lichen.operation import Footprint
 
-
 SUBNORMAL = -125
 """Exponent, as `frexp` counts, from which downwards the units of float32 no longer shrink."""
 
@@ -153,8 +152,8 @@ def _ranked(samples: Array) -> Array:
 def ulps(pixels: Array, truth: Array) -> float:
     """The largest difference in units in the last place of truth as float32, over finite samples.
 
-    Zero and subnormal truths count in the spacing of subnormals. Meant for pointwise results: a sum over pixels is small by
-    cancellation somewhere, and there no float32 evaluation has few ULP.
+    Zero and subnormal truths count in the spacing of subnormals. Meant for pointwise results: a sum over pixels is
+    small by cancellation somewhere, and there no float32 evaluation has few ULP.
 
     >>> import numpy as np
     >>> ulps(np.ones((1, 1, 1)), np.full((1, 1, 1), 1 + 2.0**-23))

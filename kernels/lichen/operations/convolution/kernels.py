@@ -92,7 +92,7 @@ def disc(radius: float) -> Matrix:
     reach = max(math.ceil(radius - 0.5), 0)
     if reach == 0:  # all of it in one pixel, whose area may be too small for a number
         return np.ones((1, 1))
-    edges = np.arange(-reach, reach + 2) - 0.5
+    edges: Matrix = np.arange(-reach, reach + 2, dtype=np.float64) - 0.5
     corner = _covered(edges[None, :], edges[:, None], radius)
     areas = np.maximum(np.diff(np.diff(corner, axis=0), axis=1), 0.0)
     areas[areas < 1e-12 * areas.max()] = 0.0  # what cancellation leaves where nothing is covered
@@ -139,7 +139,8 @@ def line_segment(length: float, angle: float) -> Matrix:
     rows, columns = np.flatnonzero(weights.any(1)), np.flatnonzero(weights.any(0))
     tall, wide = (max(reach - at[0], at[-1] - reach) for at in (rows, columns))
     kept = weights[reach - tall : reach + tall + 1, reach - wide : reach + wide + 1]
-    return kept / kept.sum()
+    normalised: Matrix = kept / kept.sum()
+    return normalised
 
 
 def separated(taps: Matrix, tolerance: float) -> tuple[list[tuple[Matrix, Matrix]], Matrix]:
