@@ -21,7 +21,6 @@ from pydantic import Field, field_validator
 from lichen.errors import Flaw
 from lichen.image import Alpha, Image
 from lichen.memory import Array
-from lichen.opencl.device import Device
 from lichen.operation import (
     POINTWISE,
     Error,
@@ -32,7 +31,6 @@ from lichen.operation import (
     Light,
     Operation,
     OperationParameters,
-    Rate,
 )
 from lichen.operations.colour import affine
 from lichen.operations.colour.affine import Affine
@@ -162,15 +160,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples,
-    rates={"opencl": Rate(2e-4, 3e-10), "numpy": Rate(3e-5, 1.6e-9)},
+    rates=affine.RATES,
 )
-class Exact:
+class Exact(affine.Applied):
     """Fused multiply-adds in float32, sixteen pixels at a time."""
-
-    @staticmethod
-    def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return affine.launch(device, inputs["image"], parameters.affine)
-
-    @staticmethod
-    def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return affine.apply(inputs["image"], parameters.affine)

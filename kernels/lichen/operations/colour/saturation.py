@@ -18,7 +18,6 @@ import numpy as np
 from pydantic import Field
 
 from lichen.memory import Array
-from lichen.opencl.device import Device
 from lichen.operation import (
     POINTWISE,
     Error,
@@ -29,7 +28,6 @@ from lichen.operation import (
     Light,
     Operation,
     OperationParameters,
-    Rate,
 )
 from lichen.operations.colour import affine
 from lichen.operations.colour.affine import Affine
@@ -109,15 +107,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples,
-    rates={"opencl": Rate(2e-4, 3e-10), "numpy": Rate(3e-5, 1.6e-9)},
+    rates=affine.RATES,
 )
-class Exact:
+class Exact(affine.Applied):
     """One matrix for each amount, applied by fused multiply-adds in float32."""
-
-    @staticmethod
-    def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return affine.launch(device, inputs["image"], parameters.affine)
-
-    @staticmethod
-    def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return affine.apply(inputs["image"], parameters.affine)
