@@ -309,9 +309,10 @@ class Connection:
         exchange = self._exchange
         exchange.work_started = exchange.work_ended = time.monotonic()
         try:
-            if not self._gone:
-                response = self._loop.handle(request)
-                exchange.work_ended = time.monotonic()
+            response = None if self._gone else self._loop.handle(request)
+            exchange.work_ended = time.monotonic()
+            self._loop.worked()
+            if response is not None:
                 self._encode(response)
                 exchange.send(self._socket)
         except OSError:
@@ -320,7 +321,6 @@ class Connection:
             self._loop.reactor.post(partial(self._guard, self._answered))
 
     def _answered(self) -> None:
-        self._loop.worked()
         self._release_body()
         if self._gone or not self._exchange.status:
             self.phase = Phase.WRITE

@@ -1,7 +1,8 @@
 """A worker's front: accepts connections, holds what they share, and stands between them and the application.
 
-All sockets are served by the thread in `run`; `threads` pool threads compute. What is in flight is counted here, by one
-thread, without locks: beyond `threads + queue` requests the answer is 503 at once, before a body is read.
+All sockets are served by the thread in `run`; `threads` pool threads compute. What is in flight is counted here: beyond
+`threads + queue` requests the answer is 503 at once, before a body is read. A request gives its place up before its
+answer leaves, so a client that has the answer finds the place free.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import socket
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -55,6 +57,7 @@ class Loop:
         self._application = application
         self._pool = Pool(settings.threads)
         self.in_flight = 0
+        self._counting = threading.Lock()
         self._connections: set[Connection] = set()
         self._listener = listener
         self._listener.setblocking(False)
@@ -129,16 +132,19 @@ class Loop:
             return self.failure(request.head.request_id)
 
     def submit(self, job: Callable[[], None]) -> bool:
-        """Queue a job for the pool, which must end with a call of `worked`; false when there is no room."""
-        if self._full:
-            return False
-        self.in_flight += 1
+        """Queue a job for the pool, which must call `worked` once; false when there is no room."""
+        with self._counting:
+            if self._full:
+                return False
+            self.in_flight += 1
         # After this round: a thread that wakes while the loop has work to do only takes the interpreter from it.
         self.reactor.post(partial(self._pool.submit, job))
         return True
 
     def worked(self) -> None:
-        self.in_flight -= 1
+        """A job has computed its answer; from any thread."""
+        with self._counting:
+            self.in_flight -= 1
 
     def busy(self, request_id: str, detail: str = "All places in the queue are taken.") -> Response:
         return problem(
