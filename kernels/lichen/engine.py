@@ -11,7 +11,7 @@ import dataclasses
 import logging
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -47,10 +47,12 @@ class Result:
     device: str
     """opencl or numpy"""
     timing: Mapping[str, float]
-    """seconds by stage: `plan`, `kernel`, and `kernel.<node>` for each node"""
+    """seconds by stage: `plan`, `kernel` and `kernel.<node>` for each node, `findings`, `verify`"""
     decisions: tuple[Decision, ...]
     verification: Verification | None = None
     """what comparing with truth found, where that was asked for"""
+    findings: Mapping[str, Any] = field(default_factory=dict)
+    """what the operation reports beside its pixels; empty for most"""
 
     @property
     def measured(self) -> Difference | None:
@@ -178,7 +180,11 @@ def _prepare(
 def _execute(order: Order, plan: Plan, planning: float, device: Device | None, *further: Decision) -> Result:
     timing = {"plan": planning}
     sources = _sources(order)
-    image = computed(plan, sources, device, timing)
+    image, reported = computed(plan, sources, device, timing)
+    findings = reported.get(order.operation.name)
+    if findings is None:  # dropped, since it returns its first input
+        unchanged = next(iter(order.images.values()), image).pixels
+        findings = order.operation.find(order.images, order.parameters, unchanged)
     found = None
     if order.verify:
         started = time.perf_counter()
@@ -186,7 +192,7 @@ def _execute(order: Order, plan: Plan, planning: float, device: Device | None, *
         timing["verify"] = time.perf_counter() - started
         if found.measured is None:
             further = (*further, Decision("verify", "*", "left out", found.reason))
-    return Result(image, plan, "opencl" if device else "numpy", timing, (*plan.decisions, *further), found)
+    return Result(image, plan, "opencl" if device else "numpy", timing, (*plan.decisions, *further), found, findings)
 
 
 def _sources(order: Order) -> dict[str, Image]:

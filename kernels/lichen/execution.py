@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, MutableMapping
+from typing import Any
 
 import numpy as np
 
@@ -21,13 +22,16 @@ from lichen.planning.graph import Graph, Node
 from lichen.planning.plan import Plan
 
 Compute = Callable[[Node, Inputs], Array]
+Findings = dict[str, Mapping[str, Any]]
+"""What nodes report beside their pixels, by their names."""
 
 
 def computed(
     plan: Plan, sources: Mapping[str, Image], device: Device | None, timing: MutableMapping[str, float]
-) -> Image:
+) -> tuple[Image, Findings]:
     """What the plan gives on `device` (None: NumPy). Adds to `timing` the seconds of all nodes and of each."""
     timing["kernel"] = 0.0
+    findings: Findings = {}
 
     def timed(node: Node, inputs: Inputs) -> Array:
         started = time.perf_counter()
@@ -37,9 +41,13 @@ def computed(
             pixels = by_method(node, inputs, device)
         timing[f"kernel.{node.name}"] = time.perf_counter() - started
         timing["kernel"] += timing[f"kernel.{node.name}"]
+        if node.operation.finds:
+            started = time.perf_counter()
+            findings[node.name] = node.operation.find(inputs, node.parameters, pixels)
+            timing["findings"] = timing.get("findings", 0.0) + time.perf_counter() - started
         return pixels
 
-    return walk(plan.graph, sources, timed)
+    return walk(plan.graph, sources, timed), findings
 
 
 def exact(graph: Graph, sources: Mapping[str, Image]) -> Array:
@@ -87,6 +95,7 @@ def walk(graph: Graph, sources: Mapping[str, Image], compute: Compute) -> Image:
             facts.alpha,
             model.storage if model else Storage.FLOAT32,
             model.metadata if model else {},
+            facts.pages,
         )
         values[node.name] = _kept(made, graph.precision)
         for source in set(node.inputs.values()):

@@ -92,6 +92,8 @@ class Image:
     alpha: Alpha = Alpha.NONE
     storage: Storage = Storage.FLOAT32
     metadata: Mapping[str, Any] = field(default_factory=dict)
+    pages: int = 1
+    """how many pictures of equal height lie one below the other: the frames of an animation, the slices of a volume"""
 
     @property
     def height(self) -> int:

@@ -12,7 +12,7 @@ The parts, in the order a reader meets them:
 * `Facts`: what is known of an image without its pixels; predictions are made from facts alone.
 * `Method`: one way to compute the operation, on every backend, with the error it can make and the work it takes.
 * `HardCase`: an input that breaks naive code, and what must hold.
-* `Operation`: all of these under one name.
+* `Operation`: all of these under one name, and the findings that it reports beside its pixels.
 """
 
 from __future__ import annotations
@@ -124,6 +124,8 @@ class Facts:
     space: Space = Space.DATA
     alpha: Alpha = Alpha.NONE
     extent: Extent = Extent(0.0, 1.0, 0)
+    pages: int = 1
+    """pictures of equal height, one below the other; only results have more than one"""
 
     @property
     def pixels(self) -> int:
@@ -135,7 +137,7 @@ class Facts:
 
     @classmethod
     def of(cls, image: Image) -> Facts:
-        return cls(image.height, image.width, image.channels, image.space, image.alpha, image.extent)
+        return cls(image.height, image.width, image.channels, image.space, image.alpha, image.extent, image.pages)
 
 
 Inputs = Mapping[str, Image]
@@ -288,10 +290,19 @@ class Operation(Generic[P]):
     description: str = ""
     methods: dict[str, Method[P]] = field(default_factory=dict, init=False)
     _truth: Callable[[Inputs, P], Array] | None = field(default=None, init=False)
+    _findings: Callable[[Inputs, P, Array], Mapping[str, Any]] | None = field(default=None, init=False)
 
     def truth(self, function: Callable[[Inputs, P], Array]) -> Callable[[Inputs, P], Array]:
         """Decorator: the float64 definition. It receives float64 images and returns a float64 array."""
         self._truth = function
+        return function
+
+    def findings(
+        self, function: Callable[[Inputs, P, Array], Mapping[str, Any]]
+    ) -> Callable[[Inputs, P, Array], Mapping[str, Any]]:
+        """Decorator: what the operation reports beside its pixels. It receives the inputs as its method did, the
+        parameters and the resulting pixels, and returns JSON values; a number that is not finite becomes null."""
+        self._findings = function
         return function
 
     def method(
@@ -319,6 +330,15 @@ class Operation(Generic[P]):
             raise TypeError(f"operation {self.name} declares no truth")
         doubled = {name: image.replace(pixels=image.pixels.astype(np.float64)) for name, image in inputs.items()}
         return self._truth(doubled, parameters)
+
+    @property
+    def finds(self) -> bool:
+        """Whether it reports anything beside its pixels."""
+        return self._findings is not None
+
+    def find(self, inputs: Inputs, parameters: P, pixels: Array) -> Mapping[str, Any]:
+        """What it reports; empty where it declares nothing to report."""
+        return {} if self._findings is None else self._findings(inputs, parameters, pixels)
 
     def truth_seconds(self, parameters: P, facts: InputFacts) -> float:
         """A guess at the time that `evaluate_truth` takes: ten times that of the dearest method on NumPy."""

@@ -182,6 +182,8 @@ def _images(
         if image.channels < fewest or (most is not None and image.channels > most):
             wants = f"{fewest}" if fewest == most else f"{fewest} to {most}" if most else f"at least {fewest}"
             flaws.append(Flaw(pointer, f"must have {wants} channels (has {image.channels})"))
+        if image.pages > 1:
+            flaws.append(Flaw(pointer, f"must be one picture (has {image.pages} pages)"))
         images[declared.name] = image
     return images
 

@@ -47,12 +47,13 @@ class Service:
         self.traffic = Traffic()
         self.calibrating = Calibrating(self.readiness, self.traffic)
         self._running = Running(settings)
-        system, described, accuracy = System(settings, self.readiness), Catalogue(settings), Accuracy()
+        self._described = described = Catalogue(settings)
+        system, accuracy = System(settings, self.readiness), Accuracy()
         run = self._running.run
         self.routes = (
             Route("/", {"GET": system.index}),
             Route("/v1/operations", {"GET": described.list}),
-            Route("/v1/operations/{name}", {"GET": described.describe, "POST": run, "QUERY": run}, bodies=True),
+            Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, bodies=True),
             Route("/v1/accuracy", {"GET": accuracy.list}),
             Route("/v1/accuracy/{name}", {"GET": accuracy.one}),
             Route("/v1/limits", {"GET": system.limits}),
@@ -101,6 +102,12 @@ class Service:
         handler = match.route.handler(head.method)
         assert handler is not None, "find refuses methods without a handler"
         return handler(request, match.name)
+
+    def _get(self, request: Request, name: str) -> Response:
+        """The declaration of an operation, or a run of one that needs no image where the query asks for something."""
+        needs = any(each.required for each in catalogue.operation(name).inputs)
+        answer = self._described.describe if needs or not request.head.query else self._running.run
+        return answer(request, name)
 
     def _options(self, head: Head) -> Response:
         match = find(self.routes, head)

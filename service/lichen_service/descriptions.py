@@ -39,6 +39,7 @@ def description_of(operation: Operation[Any], settings: Settings) -> dict[str, A
         "summary": operation.summary,
         "description": operation.description,
         "light": operation.light,
+        "findings": operation.finds,
         "inputs": [_input(each) for each in operation.inputs],
         "parameters": inlined(operation.schema()),
         "options": options_schema(),

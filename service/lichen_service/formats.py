@@ -95,8 +95,11 @@ def _unfit(delivery: Delivery, options: Options, result: Facts) -> str:
     format = delivery.format
     if delivery.storage not in format.storages:
         return f"{format.name} holds {' or '.join(format.storages)}, not {delivery.storage}"
-    if max(result.width, result.height) > format.largest_side:
-        return f"the result is {result.width}x{result.height} px and {format.name} ends at {format.largest_side} px"
+    height = result.height // result.pages
+    if max(result.width, height) > format.largest_side:
+        return f"the result is {result.width}x{height} px and {format.name} ends at {format.largest_side} px"
+    if reason := format.unfit_pages(result.pages):
+        return reason
     if delivery.alpha is not None and format.association not in (None, delivery.alpha):
         return f"{format.name} holds {format.association} alpha only"
     converted = Space.DATA not in (result.space, delivery.space) and delivery.space is not None

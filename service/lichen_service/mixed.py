@@ -1,7 +1,8 @@
-"""Answers of two parts: a result, and the map of its error (RFC 2046, multipart/mixed).
+"""Answers of several parts: a result, what the operation found, and the map of the error (RFC 2046, multipart/mixed).
 
-A caller who asks to verify and names `multipart/mixed` in `Accept`, liked no less than any image type there, gets both;
-wildcards do not count, since who sends `*/*` expects a picture. The other media types decide the format of the result.
+A caller who names `multipart/mixed` in `Accept`, liked no less than any image type there, gets beside the result the
+findings of an operation that reports some, as JSON, and the map where verification was asked for; wildcards do not
+count, since who sends `*/*` expects a picture. The other media types decide the format of the result.
 
 The map shows the largest difference over the channels of each pixel: as PNG in false colour, logarithmic over four
 decades below the largest, transparent where truth was not evaluated; beside an NPY result as NPY, with NaN there.
@@ -18,7 +19,6 @@ from lichen.files import Encoded, encode
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array, aligned
 from lichen_service.http.message import Body
-from lichen_service.negotiation import parse_accept
 
 MIXED = "multipart/mixed"
 DECADES = 4
@@ -28,13 +28,6 @@ RAMP = np.array(
 """sRGB, ever lighter: small errors are dark."""
 
 Part = tuple[Mapping[str, str], Body]
-
-
-def wanted(accept: str | None) -> bool:
-    """Whether an `Accept` value asks for parts."""
-    ranges = parse_accept(accept or "")
-    quality = max((each.quality for each in ranges if f"{each.type}/{each.subtype}" == MIXED), default=0.0)
-    return quality > 0 and all(each.quality <= quality for each in ranges)
 
 
 def of_the_result(accept: str | None) -> str | None:

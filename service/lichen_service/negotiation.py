@@ -63,6 +63,13 @@ def parse_accept(header: str) -> tuple[MediaRange, ...]:
     return tuple(ranges)
 
 
+def prefers(accept: str | None, media_type: str) -> bool:
+    """Whether an `Accept` value names a media type, wildcards not counted, and likes nothing better."""
+    ranges = parse_accept(accept or "")
+    quality = max((each.quality for each in ranges if f"{each.type}/{each.subtype}" == media_type), default=0.0)
+    return quality > 0 and all(each.quality <= quality for each in ranges)
+
+
 def quality_of(ranges: Sequence[MediaRange], media_types: Sequence[str]) -> float:
     """Quality of a format known by several media types: the best of them; 0 means not acceptable."""
     return max((_quality(ranges, media_type) for media_type in media_types), default=0.0)

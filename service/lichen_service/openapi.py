@@ -109,16 +109,18 @@ def _accuracy_path(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
 
 def _path(operation: Operation[Any]) -> dict[str, Any]:
     name = operation.name
+    described: dict[str, Any] = {
+        "operationId": f"describe_{name}",
+        "summary": f"The declaration of {name}",
+        "tags": [operation.family],
+        "responses": {"200": _json_response("parameters, inputs, methods, limits"), "default": _reference("Problem")},
+    }
+    if not any(each.required for each in operation.inputs):
+        described["summary"] += "; with a query, a run of it"
+        described["parameters"] = _parameters(operation)
+        described["responses"] = {"200": _reference("Image"), "default": _reference("Problem")}
     return {
-        "get": {
-            "operationId": f"describe_{name}",
-            "summary": f"The declaration of {name}",
-            "tags": [operation.family],
-            "responses": {
-                "200": _json_response("parameters, inputs, methods, limits"),
-                "default": _reference("Problem"),
-            },
-        },
+        "get": described,
         "post": {
             "operationId": name,
             "summary": operation.summary,
@@ -183,12 +185,15 @@ def _responses() -> dict[str, Any]:
     images: dict[str, Any] = {each.media_type: {"schema": {}} for each in FORMATS.values()}
     return {
         "Image": {
-            "description": "The result; with `explain=true` the plan as JSON",
+            "description": "The result; as JSON the findings of an operation that reports some, "
+            "or with `explain=true` the plan",
             "headers": headers,
             "content": {
                 **images,
                 "application/json": {"schema": {"type": "object"}},
-                "multipart/mixed": {"schema": {"description": "with `verify`: the result, then a map of its error"}},
+                "multipart/mixed": {
+                    "schema": {"description": "the result, then findings, then with `verify` a map of its error"}
+                },
             },
         },
         "Unchanged": {"description": "The result has the entity tag that the request named"},

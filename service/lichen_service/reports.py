@@ -47,8 +47,9 @@ class Deciding(Protocol):
     def bound(self) -> float: ...
 
 
-def report(result: Result, encoded: Encoded, storage: Storage) -> dict[str, str]:
-    """The header fields that say how a result was made. `Lichen-Skipped` is left out when nothing was."""
+def report(result: Result, storage: Storage, encoded: Encoded | None = None) -> dict[str, str]:
+    """The header fields that say how a result was made. `Lichen-Skipped` is left out when nothing was, `Lichen-Clipped`
+    where no picture leaves."""
     headers = {
         "Lichen-Method": _line(result.method),
         "Lichen-Device": _line(result.device),
@@ -60,7 +61,7 @@ def report(result: Result, encoded: Encoded, storage: Storage) -> dict[str, str]
         headers["Lichen-Precision"] = result.plan.graph.precision
     if result.verification is not None:
         headers["Lichen-Measured"] = measured(result.verification)
-    if storage.integer:
+    if storage.integer and encoded is not None:
         headers["Lichen-Clipped"] = str(encoded.clipped)
     dropped = skipped(result.decisions)
     return headers | ({"Lichen-Skipped": dropped} if dropped else {})

@@ -49,7 +49,8 @@ def read(operation: Operation[Any], arguments: Sequence[str]) -> Given:
     files, as_json = given.pop("files"), given.pop("json")
     further = {each.name for each in operation.inputs[1:]}
     inputs = {name: given.pop(name) for name in further & given.keys()}
-    first, output = _distribute(operation, files, "explain" in given, bool(unknown))
+    bare = operation.finds or "explain" in given
+    first, output = _distribute(operation, files, bare, bool(unknown))
     if first is not None:
         inputs = {operation.inputs[0].name: first, **inputs}
     values = tuple((name, str(value).lower() if isinstance(value, bool) else value) for name, value in given.items())
@@ -147,9 +148,9 @@ def _add_unknown(parser: Parser, tokens: Sequence[str]) -> list[str]:
 
 
 def _distribute(
-    operation: Operation[Any], files: Sequence[str], explained: bool, lenient: bool
+    operation: Operation[Any], files: Sequence[str], bare: bool, lenient: bool
 ) -> tuple[str | None, str | None]:
-    """Which file is the first input and which the output."""
+    """Which file is the first input and which the output, which may be missing where something else is printed."""
     remaining = list(files)
     first = None
     wants_input = bool(operation.inputs) and (operation.inputs[0].required or len(remaining) > 1)
@@ -158,16 +159,17 @@ def _distribute(
     output = remaining.pop(0) if remaining else None
     if remaining and not lenient:
         raise Usage(f"{', '.join(remaining)}: more files than {operation.name} takes; further inputs are named options")
-    if output is None and not explained and not lenient:
+    if output is None and not bare and not lenient:
         raise Usage(f"a file to write is missing; the order is {_shown_files(operation)}")
     return first, output
 
 
 def _shown_files(operation: Operation[Any]) -> str:
+    output = "[OUT]" if operation.finds else "OUT"
     if not operation.inputs:
-        return "OUT"
+        return output
     name = operation.inputs[0].name.upper()
-    return f"{name} OUT" if operation.inputs[0].required else f"[{name}] OUT"
+    return f"{name} {output}" if operation.inputs[0].required else f"[{name}] {output}"
 
 
 def _flag(name: str) -> str:

@@ -2,7 +2,7 @@
 
 The query reader and the choice of a format are the service's own, so a command line and a URL with the same names
 give the same bytes and refuse the same mistakes. The picture goes to OUT, the report to standard error as a line or,
-with --json, to standard output.
+with --json, to standard output. Without OUT the findings of an operation that reports some are printed.
 """
 
 from __future__ import annotations
@@ -81,8 +81,10 @@ def _run(operation: Operation[Any], given: Given) -> int:
         return 0
     result = lichen.run(operation.name, first, **keywords)
     computed = time.perf_counter()
+    if given.output is None:  # of an operation that reports something else
+        _print_json(result.findings)
+        return 0
     encoded = encode(result.image, delivery.format.name, storage=delivery.storage)
-    assert given.output is not None, "the reader insists on it unless a plan is asked for"
     _write(given.output, encoded.data)
     timing = {"decode": decoded - started, **result.timing, "encode": time.perf_counter() - computed}
     _report(result, timing, given, encoded)
@@ -146,6 +148,7 @@ def _report(result: lichen.Result, timing: dict[str, float], given: Given, encod
                 "error": {"value": result.error.value, "kind": result.error.kind, "metric": "max"},
                 "measured": dataclasses.asdict(result.measured) if result.measured else None,
                 "nonfinite": result.nonfinite,
+                "findings": result.findings,
                 "seconds": timing,
                 "decisions": [decision.to_json() for decision in result.decisions],
                 "output": {

@@ -4,7 +4,8 @@ A format is one module with three functions, always in the same order:
 
 * `read_header(data) -> Header` parses the header itself, in plain Python, and trusts nothing: every offset is checked.
 * `read_samples(data, header) -> Array` gives the samples as stored, shape (rows, columns, channels), not yet upright.
-* `write(samples, image, quality) -> bytes` writes samples that already have the storage of the file.
+* `write(samples, image, quality) -> bytes` writes samples that already have the storage of the file; several pictures
+  where the image has `pages`.
 
 The facade in `lichen.files` does what is common to all: recognising, limits, turning upright, scaling, quantising.
 """
@@ -117,6 +118,8 @@ class Format:
     read_header: Callable[[memoryview], Header]
     read_samples: Callable[[memoryview, Header], Array]
     write: Callable[[Array, Image, int | None], bytes]
+    paged: bool = False
+    """whether it can hold several pictures"""
 
     @property
     def media_type(self) -> str:
@@ -126,13 +129,22 @@ class Format:
         """The storage an image is written in when none is asked for: its own, else the nearest richer, else poorer."""
         return next(choice for choice in _PREFERENCE[storage] if choice in self.storages)
 
+    def unfit_pages(self, pages: int) -> str | None:
+        """Why it cannot hold so many pictures, or None."""
+        if pages == 1 or self.paged:
+            return None
+        return f"{self.name} holds one picture and the result has {pages}; TIFF, WebP and NPY hold them all"
+
     def check(self, image: Image, storage: Storage, quality: int | None) -> None:
         """Raises `UnsupportedFormat` or `InvalidRequest` where the file could not say what the image is."""
         flaws = []
         if storage not in self.storages:
             flaws.append(Flaw("/storage", f"{self.name} holds {' or '.join(self.storages)}, not {storage}"))
-        if max(image.width, image.height) > self.largest_side:
-            flaws.append(Flaw("/image", f"{image.width}x{image.height} px; {self.name} ends at {self.largest_side} px"))
+        height = image.height // image.pages
+        if max(image.width, height) > self.largest_side:
+            flaws.append(Flaw("/image", f"{image.width}x{height} px; {self.name} ends at {self.largest_side} px"))
+        if reason := self.unfit_pages(image.pages):
+            flaws.append(Flaw("/image", reason))
         if reason := self.unfit(image):
             flaws.append(Flaw("/image/channels", reason))
         if flaws:

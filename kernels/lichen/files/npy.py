@@ -2,7 +2,8 @@
 
 The header is a Python literal; it is parsed as one, never evaluated, and only the three keys of the format with a
 number type and two or three dimensions pass. The file must end where its shape says. Pickled objects and records are
-refused by their type. Arrays are written with three dimensions, little-endian, rows first.
+refused by their type. Arrays are written with three dimensions, little-endian, rows first; several pictures as one
+array of four dimensions, which is for programs: it is not read back as an image.
 
 Source: NumPy enhancement proposal 1, versions 1.0 to 3.0.
 """
@@ -84,7 +85,8 @@ def read_samples(data: memoryview, header: Header) -> Array:
 
 def write(samples: Array, image: Image, quality: int | None) -> bytes:
     kind = samples.dtype.newbyteorder("<")
-    text = f"{{'descr': '{kind.str}', 'fortran_order': False, 'shape': {samples.shape}, }}".encode()
+    shape = samples.shape if image.pages == 1 else (image.pages, image.height // image.pages, *samples.shape[1:])
+    text = f"{{'descr': '{kind.str}', 'fortran_order': False, 'shape': {shape}, }}".encode()
     text += b" " * (-(10 + len(text) + 1) % 64) + b"\n"
     plain = np.ascontiguousarray(samples, kind)
     return b"".join([SIGNATURE, b"\x01\x00", struct.pack("<H", len(text)), text, plain.data.cast("B")])
@@ -104,4 +106,5 @@ npy = Format(
     read_header=read_header,
     read_samples=read_samples,
     write=write,
+    paged=True,
 )

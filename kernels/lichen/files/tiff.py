@@ -5,8 +5,9 @@ The first directory is parsed here; the samples are decoded by OpenImageIO, apar
 samples in a colour picture that does not say what the fourth is are colour and straight alpha, as the writers that
 leave the tag out mean it. More than one grey channel without alpha is plain data.
 
-Files are written uncompressed in one strip. Integers are display-referred and floats linear unless a profile says
-otherwise; where the image disagrees, a profile naming its space is written.
+Files are written uncompressed in one strip, each picture of an image with several as a page. Integers are
+display-referred and floats linear unless a profile says otherwise; where the image disagrees, a profile naming its
+space is written.
 
 Source: TIFF 6.0 (Adobe, 1992), and technical note 3 for floats.
 """
@@ -157,9 +158,10 @@ def write(samples: Array, image: Image, quality: int | None) -> bytes:
     if image.alpha is not Alpha.NONE:
         extra.append("assocalpha" if image.alpha is Alpha.ASSOCIATED else "unassalpha")
     target = io.BytesIO()
+    shown = samples if samples.shape[2] > 1 else samples[:, :, 0]
     tifffile.imwrite(
         target,
-        samples if samples.shape[2] > 1 else samples[:, :, 0],
+        shown if image.pages == 1 else shown.reshape(image.pages, -1, *shown.shape[1:]),
         photometric="rgb" if picture else "minisblack",
         planarconfig="contig" if samples.shape[2] > 1 else None,
         extrasamples=extra or None,
@@ -184,4 +186,5 @@ tiff = Format(
     read_header=read_header,
     read_samples=read_samples,
     write=write,
+    paged=True,
 )

@@ -2,7 +2,7 @@
 
 Reading parses the RIFF chunks for size, alpha, profile, orientation and frames; of an animation the first frame is
 decoded. Writing without a quality is exact, the colour of transparent pixels included. Grey is written as three equal
-colours, since the format knows no other.
+colours, since the format knows no other. Several pictures become an animation that repeats for ever.
 
 Sources: RFC 9649 (container and lossless bitstream), RFC 6386 section 9.1 (lossy frame header).
 """
@@ -24,6 +24,8 @@ from lichen.memory import Array
 
 _ALPHA = 0x10
 _PAGES = 1000
+FRAME_MS = 42
+"""How long each picture of an animation is shown: 24 a second."""
 
 
 def _chunks(data: memoryview) -> Iterator[tuple[bytes, memoryview]]:
@@ -118,7 +120,10 @@ def write(samples: Array, image: Image, quality: int | None) -> bytes:
     if profile := icc.to_write(image, Space.SRGB, 3):
         options["icc_profile"] = profile
     target = io.BytesIO()
-    Pictures.fromarray(samples).save(target, "webp", **options)
+    first, *others = (Pictures.fromarray(each) for each in np.split(samples, image.pages))
+    if others:
+        options |= {"save_all": True, "append_images": others, "duration": FRAME_MS, "loop": 0}
+    first.save(target, "webp", **options)
     return target.getvalue()
 
 
@@ -136,4 +141,5 @@ webp = Format(
     read_header=read_header,
     read_samples=read_samples,
     write=write,
+    paged=True,
 )

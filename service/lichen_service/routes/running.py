@@ -1,4 +1,8 @@
-"""POST and QUERY on an operation: an image in, its result out, with an account of how it was made.
+"""POST, QUERY and GET on an operation: images in, its result out, with an account of how it was made.
+
+GET runs operations that need no image, where the query asks for something; otherwise it describes the operation. An
+operation that reports findings gives them as JSON where `Accept` prefers that, and beside the picture in a form of
+several parts.
 
 The road of a request: query and body are read and every flaw is collected; images are decoded within the limits; a
 format is agreed on; the engine runs; the result is encoded. Each step is timed, and none begins after the deadline.
@@ -11,6 +15,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from enum import StrEnum
 from typing import Any
 
 from lichen import catalogue, engine
@@ -24,6 +29,7 @@ from lichen_service import mixed, queries, uploads
 from lichen_service.documents import canonical, content_digest, matches, momentary
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
 from lichen_service.http.message import Body, Request, Response
+from lichen_service.negotiation import prefers
 from lichen_service.queries import Query
 from lichen_service.refusals import relocated
 from lichen_service.reports import report
@@ -33,6 +39,7 @@ from lichen_service.stages import Stages
 from lichen_service.uploads import Upload
 
 Uploads = Mapping[str, Upload]
+JSON = "application/json"
 
 
 class Running:
@@ -58,10 +65,11 @@ class Running:
         with relocated():
             facts = _expected(operation, query, images)
             accept, origin = request.head.headers.get("accept"), _origin(operation, given, images)
-            if _mixed(request, query):
-                accept = mixed.of_the_result(accept)
+            shape = _shape(operation, query, accept)
+            if shape is not Shape.PICTURE:
+                accept = mixed.of_the_result(accept) if shape is Shape.PARTS else None
             delivery = agree(query.options, accept, facts, origin)
-            return self._answer(request, operation, query, images, delivery, digests, stages)
+            return self._answer(request, operation, query, images, delivery, shape, digests, stages)
 
     def _answer(
         self,
@@ -70,6 +78,7 @@ class Running:
         query: Query,
         images: Mapping[str, Image],
         delivery: Delivery,
+        shape: Shape,
         digests: Future[dict[str, str]],
         stages: Stages,
     ) -> Response:
@@ -80,19 +89,19 @@ class Running:
                 plan = engine.explain(operation.name, first, **arguments)
             if options.explain:
                 return _plan_document(plan.to_json(), delivery, stages)
-            tag = _entity_tag(digests.result(), plan.digest, delivery)
+            tag = _entity_tag(digests.result(), plan.digest, delivery, shape)
             if matches(head, tag):
                 return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
         with stages.stage("run"):
             result = engine.run(operation.name, first, **arguments)
         stages.split("run", result.timing)
         with stages.stage("encode"):
-            encoded = encode(result.image, delivery.format.name, storage=delivery.storage)
-            content_type, body = (
-                _with_map(result, encoded, delivery) if _mixed(request, query) else (encoded.media_type, encoded.data)
-            )
+            encoded = None
+            if shape is not Shape.FINDINGS:
+                encoded = encode(result.image, delivery.format.name, storage=delivery.storage)
+            content_type, body = _body(result, encoded, delivery, shape)
         with stages.stage("digest"):
-            tag = _entity_tag(digests.result(), result.plan.digest, delivery)
+            tag = _entity_tag(digests.result(), result.plan.digest, delivery, shape)
             headers = {
                 "Content-Type": content_type,
                 "Content-Digest": content_digest(body),
@@ -100,7 +109,7 @@ class Running:
                 **({} if options.verify else {"ETag": tag}),
                 "Cache-Control": "no-cache",
                 "Vary": "Accept",
-                **report(result, encoded, delivery.storage),
+                **report(result, delivery.storage, encoded),
             }
         headers["Server-Timing"] = stages.header()
         return Response(200, body, headers, _log(operation, images, result, stages))
@@ -194,15 +203,31 @@ def _arguments(
     }
 
 
-def _mixed(request: Request, query: Query) -> bool:
-    """Whether the answer has a second part, the map of the error."""
-    options = query.options
-    return options.verify and not options.explain and mixed.wanted(request.head.headers.get("accept"))
+class Shape(StrEnum):
+    """What an answer consists of."""
+
+    PICTURE = "picture"
+    FINDINGS = "findings"
+    PARTS = "parts"
 
 
-def _with_map(result: Result, encoded: Encoded, delivery: Delivery) -> tuple[str, Body]:
-    """The result and, where anything was measured, the map."""
+def _shape(operation: Operation[Any], query: Query, accept: str | None) -> Shape:
+    if query.options.explain:
+        return Shape.PICTURE
+    if (operation.finds or query.options.verify) and prefers(accept, mixed.MIXED):
+        return Shape.PARTS
+    return Shape.FINDINGS if operation.finds and prefers(accept, JSON) else Shape.PICTURE
+
+
+def _body(result: Result, encoded: Encoded | None, delivery: Delivery, shape: Shape) -> tuple[str, Body]:
+    """Content type and body: the picture, the findings, or both and, where anything was measured, the map."""
+    if encoded is None:
+        return JSON, canonical(result.findings)
+    if shape is Shape.PICTURE:
+        return encoded.media_type, encoded.data
     parts: list[mixed.Part] = [({"Content-Type": encoded.media_type}, encoded.data)]
+    if result.findings:
+        parts.append(({"Content-Type": JSON}, canonical(result.findings)))
     if result.verification is not None and result.verification.map is not None:
         errors, scale = mixed.error_map(result.verification.map, delivery.format.name)
         parts.append(({"Content-Type": errors.media_type, "Lichen-Map": scale}, errors.data))
@@ -219,9 +244,10 @@ def _digests(given: Uploads) -> dict[str, str]:
     return {name: hashlib.sha256(upload.data).hexdigest() for name, upload in given.items()}
 
 
-def _entity_tag(digests: Mapping[str, str], plan: str, delivery: Delivery) -> str:
+def _entity_tag(digests: Mapping[str, str], plan: str, delivery: Delivery, shape: Shape) -> str:
     """Stands for all that decides the bytes of an answer: inputs, plan, engine, libraries, device and format."""
-    said = [digests, plan, delivery.format.name, delivery.storage, delivery.space, delivery.alpha, versions()]
+    form = [delivery.format.name, delivery.storage, delivery.space, delivery.alpha, shape]
+    said = [digests, plan, form, versions()]
     return f'"{hashlib.sha256(canonical(said)).hexdigest()[:32]}"'
 
 
