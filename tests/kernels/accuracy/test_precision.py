@@ -227,7 +227,7 @@ def test_four_bits_are_worth_a_factor_of_sixteen(case: str) -> None:
 def test_plans_of_chains_foresee_it(case: str, precision: Precision) -> None:
     graph, sources = CASES[case]()
     plan = make_plan(graph.replace(precision=precision), Request(backend="numpy", target=graph.output))
-    found = difference(computed(plan, sources, None, {}).pixels, exact(graph, sources))
+    found = difference(computed(plan, sources, None, {})[0].pixels, exact(graph, sources))
     assert found.largest <= plan.error.value
     if precision in LOSSY:
         assert plan.error.value < 40 * found.largest
