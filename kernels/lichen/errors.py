@@ -10,7 +10,10 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,3 +113,23 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if close:
         return f"did you mean {' or '.join(close)}?"
     return f"known: {', '.join(names)}" if names else "none is known"
+
+
+def parameter_flaws(invalid: ValidationError, owner: str, known: Iterable[str]) -> list[Flaw]:
+    """Every flaw that pydantic found in the parameters of `owner`, which knows the names `known`."""
+    return [
+        Flaw(
+            "/parameters/" + "/".join(str(part) for part in problem["loc"]),
+            f"is not a parameter of {owner}; {nearest(str(problem['loc'][0]), known)}"
+            if problem["type"] == "extra_forbidden"
+            else _sentence(problem["msg"], problem.get("input"), problem["type"]),
+        )
+        for problem in invalid.errors(include_url=False, include_context=False)
+    ]
+
+
+def _sentence(message: str, value: Any, kind: str) -> str:
+    if kind == "missing":
+        return "is required"
+    shown = repr(value)
+    return f"{message[:1].lower()}{message[1:]} (got {shown if len(shown) <= 60 else shown[:57] + '...'})"

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, Protocol, Ty
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from lichen.errors import Flaw, InvalidRequest, nearest
+from lichen.errors import Flaw, InvalidRequest, parameter_flaws
 from lichen.image import Alpha, Extent, Image, Space
 from lichen.memory import Array
 
@@ -332,6 +332,18 @@ class Operation(Generic[P]):
         return self._truth(doubled, parameters)
 
     @property
+    def generates(self) -> bool:
+        """Whether it can make a picture from no other; `width` and `height` are then parameters."""
+        return (
+            not any(each.required for each in self.inputs)
+            and {"width", "height"} <= self.parameters.model_fields.keys()
+        )
+
+    def sized(self, parameters: P, height: int, width: int) -> P:
+        """The parameters with which an operation that makes pictures makes them of this size; others as they are."""
+        return parameters.model_copy(update={"height": height, "width": width}) if self.generates else parameters
+
+    @property
     def finds(self) -> bool:
         """Whether it reports anything beside its pixels."""
         return self._findings is not None
@@ -361,15 +373,7 @@ class Operation(Generic[P]):
         try:
             return self.parameters.model_validate(prepared)
         except ValidationError as invalid:
-            flaws = [
-                Flaw(
-                    "/parameters/" + "/".join(str(part) for part in problem["loc"]),
-                    f"is not a parameter of {self.name}; {nearest(str(problem['loc'][0]), fields)}"
-                    if problem["type"] == "extra_forbidden"
-                    else _sentence(problem["msg"], problem.get("input"), problem["type"]),
-                )
-                for problem in invalid.errors(include_url=False, include_context=False)
-            ]
+            flaws = parameter_flaws(invalid, self.name, fields)
             raise InvalidRequest(f"{len(flaws)} parameter(s) of {self.name} are not valid.", flaws) from None
 
     def schema(self) -> dict[str, Any]:
@@ -385,10 +389,3 @@ def _from_text(value: Any) -> Any:
         except ValueError:
             return value
     return value
-
-
-def _sentence(message: str, value: Any, kind: str) -> str:
-    if kind == "missing":
-        return "is required"
-    shown = repr(value)
-    return f"{message[:1].lower()}{message[1:]} (got {shown if len(shown) <= 60 else shown[:57] + '...'})"

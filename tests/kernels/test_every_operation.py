@@ -70,6 +70,11 @@ def representable(truth: np.ndarray) -> np.ndarray:
     return np.where(np.abs(truth) > np.finfo(np.float32).max, np.copysign(np.inf, truth), truth)
 
 
+def sized(operation: Operation[Any], example: Mapping[str, Any], size: tuple[int, int]) -> dict[str, Any]:
+    """The example, of this size where the operation makes its picture itself."""
+    return {**example, **({"height": size[0], "width": size[1]} if operation.generates else {})}
+
+
 def settings(method: Method[Any]) -> tuple[float, ...]:
     return method.knob.values if method.knob else (0.0,)
 
@@ -93,8 +98,8 @@ def each() -> pytest.MarkDecorator:
 def test_methods_keep_the_error_they_state(operation: Operation[Any], backend: str, content: str) -> None:
     broken = []
     for number, example in enumerate(operation.examples):
-        parameters = operation.validate(example)
         size = SHAPES[number % len(SHAPES)] if number >= 2 else SHAPES[-1 - number]
+        parameters = operation.validate(sized(operation, example, size))
         inputs = images(operation, content, size, number)
         facts = {name: Facts.of(image) for name, image in inputs.items()}
         if operation.check(parameters, facts):
@@ -166,7 +171,7 @@ def test_hard_cases_hold(operation: Operation[Any], case: Any, backend: str) -> 
 def test_same_request_same_bytes(operation: Operation[Any], backend: str) -> None:
     """Eight threads at once give what one gave before."""
     inputs = images(operation, "noise", (33, 47))
-    example = operation.examples[0]
+    example = sized(operation, operation.examples[0], (33, 47))
 
     def digest() -> str:
         result = lichen.run(operation.name, device=backend, **inputs, **example)
@@ -187,7 +192,12 @@ spec = importlib.util.spec_from_file_location("inputs", {__file__!r})
 tests = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(tests)
 results = {{
-    name: lichen.run(name, device="opencl", **tests.images(operation, "noise", (150, 131)), **operation.examples[0])
+    name: lichen.run(
+        name,
+        device="opencl",
+        **tests.images(operation, "noise", (150, 131)),
+        **tests.sized(operation, operation.examples[0], (150, 131)),
+    )
     for name, operation in lichen.operations().items()
 }}
 print(json.dumps({{n: hashlib.sha256(r.image.pixels.tobytes()).hexdigest() for n, r in results.items()}}))

@@ -46,7 +46,8 @@ class Case:
 def cases(operation: Operation[Any], parameters: OperationParameters, size: int) -> Iterator[Case]:
     """All inputs of the corpus that the operation takes with these parameters, the main one first.
 
-    Where the required inputs are data (a field), they vary over fields, and pictures over the smooth one.
+    Where the required inputs are data (a field), they vary over fields, and pictures over the smooth one. Operations
+    that need no input get none.
     """
     for content, inputs in _drawn(operation, parameters, size):
         case = Case(content, inputs)
@@ -70,6 +71,8 @@ def typical(operation: Operation[Any], parameters: OperationParameters, size: in
     part = min(size, TILE)
     if _led_by_picture(operation):
         name, inputs = "photo", _covered(operation, parameters, "photo", part)
+    elif operation.generates:
+        name, inputs = "nothing", {}
     else:
         name, inputs = "smooth field", _fields(operation, "smooth field", part)
     return Case(name, {key: _repeated(image, size) for key, image in inputs.items()})
@@ -85,6 +88,9 @@ def _drawn(operation: Operation[Any], parameters: OperationParameters, size: int
     if _led_by_picture(operation):
         for content in PICTURES:
             yield content, _covered(operation, parameters, content, size)
+        return
+    if not any(each.required for each in operation.inputs):
+        yield "nothing", {}
         return
     for kind in FIELDS:
         yield kind, _fields(operation, kind, size)

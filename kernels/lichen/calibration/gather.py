@@ -49,7 +49,8 @@ def _shows(operation: Operation[Any], number: int) -> tuple[int, bool]:
     """How many methods take an example, and whether one is predicted to be twice as fast as the first of them."""
     if next(cases(operation, operation.validate(operation.examples[number]), 32), None) is None:
         return 0, False
-    parameters, facts = operation.validate(operation.examples[number]), _facts(operation, number, SIZE)
+    parameters = operation.sized(operation.validate(operation.examples[number]), SIZE, SIZE)
+    facts = _facts(operation, number, SIZE)
     fit = [each for each in operation.methods.values() if each.unfit(parameters, facts) is None]
     knobs = [each.knob.values[len(each.knob.values) // 2] if each.knob else 0.0 for each in fit]
     seconds = [each.seconds("opencl", parameters, knob, facts) for each, knob in zip(fit, knobs, strict=True)]
@@ -128,7 +129,7 @@ def measured(
         wanted.examples = (values,)
     else:
         number = default_example(operation) if example is None else example
-    parameters = wanted.validate(wanted.examples[number])
+    parameters = wanted.sized(wanted.validate(wanted.examples[number]), size, size)
     backend = backend or sweep.backends()[0]
     tell("errors")
     entries = load().of(wanted.name, number) if quick else ()

@@ -67,6 +67,7 @@ class _Answer:
 def _answers(operation: Operation[Any], parameters: OperationParameters, side: int) -> list[_Answer]:
     """All pictures but the hard cases, which only ours promise anything for."""
     found = []
+    parameters = operation.sized(parameters, side, side)
     for case in cases(operation, parameters, side):
         if not case.name.startswith("hard: "):
             truth = operation.evaluate_truth(case.inputs, parameters)

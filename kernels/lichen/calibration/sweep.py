@@ -107,6 +107,7 @@ def backends() -> tuple[str, ...]:
 def error_size(operation: Operation[Any], parameters: OperationParameters) -> int:
     """The side at which truth is affordable; it follows from the declaration alone, so it is the same everywhere."""
     for side in SIDES:
+        parameters = operation.sized(parameters, side, side)
         case = typical(operation, parameters, side)
         slowest = max(
             setting.method.seconds("numpy", parameters, setting.knob or 0.0, case.facts)
@@ -144,6 +145,7 @@ def errors(operation: Operation[Any], number: int, size: int | None = None) -> l
     example = operation.examples[number]
     parameters = operation.validate(example)
     size = size or error_size(operation, parameters)
+    parameters = operation.sized(parameters, size, size)
     found: dict[Key, list[_Found]] = {}
     finest: Setting | None = None
     for case in cases(operation, parameters, size):
@@ -210,7 +212,7 @@ def measure(
     three times instead of nine. A setting that cannot run has `failed` and NaN for what it has not.
     """
     wanted = named(operation) if isinstance(operation, str) else operation
-    parameters = wanted.validate(wanted.examples[example])
+    parameters = wanted.sized(wanted.validate(wanted.examples[example]), size, size)
     known = load().of(wanted.name, example) if quick else ()
     entries = {(e.method, e.knob): e for e in known or errors(wanted, example) if e.precision == PRECISION}
     case = typical(wanted, parameters, size)

@@ -70,7 +70,7 @@ class Cell:
 @lru_cache(maxsize=32)
 def _prepared(name: str, example: int, size: int) -> tuple[Case, Any]:
     owner = operation(name)
-    parameters = owner.validate(owner.examples[example])
+    parameters = owner.sized(owner.validate(owner.examples[example]), size, size)
     return typical(owner, parameters, size), parameters
 
 

@@ -136,7 +136,9 @@ def parameters(draw: st.DrawFn, operation_name: str) -> dict[str, Any]:
             continue
         if name in base and draw(st.integers(0, 3)):
             continue
-        if shapes:
+        if operation.generates and name in ("width", "height"):
+            base[name] = draw(st.integers(1, 48))
+        elif shapes:
             base[name] = draw(st.sampled_from(shapes).flatmap(renumbered))
         elif "string" not in (each.get("type") for each in (field, *field.get("anyOf", ())) if "enum" not in each):
             base[name] = draw(value(field, schema.get("$defs", {})))

@@ -112,7 +112,8 @@ def test_methods_keep_what_they_state(operation: Operation[Any]) -> None:
 PICTURED = {
     name: each
     for name, each in OPERATIONS.items()
-    if each.inputs[0].picture
+    if each.inputs
+    and each.inputs[0].picture
     and each.inputs[0].channels[0] <= 4 <= (each.inputs[0].channels[1] or 4)
     and sum(declared.required for declared in each.inputs) == 1
 }

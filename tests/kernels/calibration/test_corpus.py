@@ -66,9 +66,9 @@ def test_every_operation_has_images_it_works_on(operation: Operation[Any]) -> No
         found = list(cases(operation, parameters, 24))
         names = [case.name for case in found]
         assert len(set(names)) == len(names)
-        assert len([name for name in names if not name.startswith("hard: ")]) >= 6
+        assert len([name for name in names if not name.startswith("hard: ")]) >= (1 if operation.generates else 6)
         assert any(operation.identity(parameters, case.facts) is None for case in found)
         main = typical(operation, parameters, 300)
-        first = main.inputs[operation.inputs[0].name]
-        assert (first.height, first.width) == (300, 300)
+        for image in main.inputs.values():
+            assert (image.height, image.width) == (300, 300)
         assert main.name in names

@@ -24,6 +24,7 @@ def _cheapest(name: str) -> int:
 
     def cost(entry: Entry) -> float:
         parameters = operation.validate(operation.examples[entry.example])
+        parameters = operation.sized(parameters, entry.size, entry.size)
         return operation.truth_seconds(parameters, typical(operation, parameters, entry.size).facts)
 
     return min(entries, key=lambda entry: (cost(entry), entry.example)).example
