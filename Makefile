@@ -51,6 +51,7 @@ bench: $(VENV)/.development ## measure speed and error beside the peers
 
 accuracy: $(VENV)/.development ## measure what accuracy costs and write docs/accuracy (ARGS=--full for every error anew)
 	@$(BIN)/python docs/accuracy/make.py $(ARGS)
+	@$(BIN)/python docs/accuracy/precision.py
 
 audit: $(VENV)/.development ## look up the locked packages in the databases of known vulnerabilities
 	@$(BIN)/pip-audit --require-hashes --disable-pip --requirement requirements.lock $(ARGS)

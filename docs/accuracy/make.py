@@ -31,6 +31,8 @@ take instead.
 
 A running service draws the same from its error table and from what it measured of its machine:
 `/v1/accuracy/gaussian.svg`. For other parameters: `lichen accuracy gaussian --sigma 20`.
+
+What keeping values in 8, 12 or 16 bits costs, whatever is computed: [precision](precision.md).
 """
 
 
