@@ -3,35 +3,42 @@
 Truth: the curve as its standard prints it, in float64, for every colour channel; coverage passes untouched.
 
 * srgb: IEC 61966-2-1, toe up to and including 0.04045 (light 0.0031308).
-* gamma: light = signal^gamma.
-* bt709: ITU-R BT.709-6, the camera curve. The standard prints one direction and its rounded constants leave a gap of
-  2.5e-4 in the signal; decoding takes the gap to its knee, 0.018.
+* gamma: light = signal^gamma, with one exponent or one for each colour channel.
+* bt709: ITU-R BT.709-6, the camera curve, which BT.601 prints too. The standard prints one direction and its rounded
+  constants leave a gap of 2.5e-4 in the signal; decoding takes the gap to its knee, 0.018.
 * bt1886: ITU-R BT.1886 Annex 1, the reference display, divided by `white`, so that signal 1 is light 1.
 * pq: SMPTE ST 2084, the reference display, 10000 cd/m2 at signal 1, divided by `white`.
 * hlg: ITU-R BT.2100, the camera curve per channel, light 1 at signal 1. The display's system gamma is no part of it.
+* st428: SMPTE ST 428-1, digital cinema, and dicom_gsdf: NEMA PS3.14, grey displays (signal 1 is JND index 1023): light
+  in units of `white`.
+* All others, television, film scans and the logarithms of cameras, as definitions.py prints them. Cameras' curves give
+  0.18 for mid grey and signals as code values over the largest; arri_logc3 is that of `exposure_index`, SUP 3.x.
 
-Outside the standards' domains. Above 1 every curve is continued by its own formula. PQ has a pole at signal 1.992:
-decoding saturates at 1e10 cd/m2 (signal 1.840), and encoding tends to 1.992. Signals below PQ's black, 7.3e-7, decode
-to 0. Negative values are mirrored (f(-x) = -f(x); BT.1886 about its own zero, which lies below signal 0 where black is
-not 0) or clamped to no light. NaN stays; infinity stays but in PQ's encoding, which has a limit; light beyond float32's
-range becomes infinite.
+ACESproxy is no curve: it is ACEScc cut into integers, which quantise does. Of FiLMiC Pro 6, whose publisher prints no
+inverse, decoding solves the equation.
 
-Methods: `exact` evaluates the curve; `table` interpolates linearly in 256 to 65536 cells and evaluates what lies above
-the table's top.
+Outside the standards' domains. Above 1 every curve is continued by its own formula (the standards hold decoded ACEScc
+to 65504, and DICOM's to its ends). PQ has a pole at signal 1.992: decoding saturates at 1e10 cd/m2 (signal 1.840), and
+encoding tends to 1.992. Signals below PQ's black, 7.3e-7, decode to 0. Negative light goes on as the standard says: by
+a line in most logarithms of cameras. Where it says nothing, values are mirrored (f(-x) = -f(x); BT.1886 about its own
+zero, which lies below signal 0 where black is not 0). Or `negative` makes it no light. NaN stays; infinity stays where
+a curve has no limit; light beyond float32's range becomes infinite.
+
+Methods: `exact` evaluates the curve; `table` interpolates the first six linearly in 256 to 65536 cells and evaluates
+what lies above the table's top.
 """
 
 from __future__ import annotations
 
-import math
 from enum import StrEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from lichen.errors import Flaw
-from lichen.image import Alpha, Extent, Image, Space
+from lichen.image import Alpha, Extent, Space
 from lichen.memory import Array
 from lichen.operation import (
     POINTWISE,
@@ -47,10 +54,13 @@ from lichen.operation import (
     OperationParameters,
     Rate,
 )
-from lichen.operations.tone import curves
-from lichen.operations.tone.curves import FLOAT_MAX, Curve, Direction, Form
+from lichen.operations.tone import curves, standards
+from lichen.operations.tone.curves import FLOAT_MAX, WHOLE, Curve, Direction, Form
+from lichen.operations.tone.definitions import LOGC3, Definition, definition
 from lichen.operations.tone.evaluate import evaluate
-from lichen.operations.tone.tables import Table, tabulate
+from lichen.operations.tone.piecewise import held
+from lichen.operations.tone.shapes import Pieced, Powers, Shape, Whole
+from lichen.operations.tone.tables import tabulate
 from lichen.operations.tone.transfer_cases import CASES
 from lichen.operations.tone.transfer_launch import launch
 
@@ -58,11 +68,13 @@ if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
 Luminance = Annotated[float, Field(json_schema_extra={"unit": "cd/m2"})]
+Exponent = Annotated[float, Field(ge=0.1, le=10)]
 
 KNOWN = 1024
 """Answers that predictions keep: a planner asks for the same many times over."""
-WHITE = {Curve.PQ: 203.0, Curve.BT1886: 100.0}
-"""cd/m2 of linear 1 where the caller names none: graphics white of ITU-R BT.2408, the reference display of BT.2035"""
+WHITE = {Curve.PQ: 203.0, Curve.BT1886: 100.0, Curve.ST428: 48.0, Curve.DICOM_GSDF: 100.0}
+"""cd/m2 of linear 1 where the caller names none: graphics white of ITU-R BT.2408, the reference display of BT.2035, the
+reference projector of SMPTE RP 431-2"""
 
 
 class Negative(StrEnum):
@@ -77,14 +89,24 @@ class Parameters(OperationParameters):
     """the transfer function"""
     direction: Direction = Direction.DECODE
     """decode: signal to linear light; encode: linear light to signal"""
-    gamma: float = Field(2.2, ge=0.1, le=10)
-    """decoding exponent, for curve=gamma; encoding takes its reciprocal"""
+    gamma: Exponent | Annotated[tuple[Exponent, ...], Field(min_length=1, max_length=64)] = 2.2
+    """decoding exponent, for curve=gamma, or one for each colour channel; encoding takes its reciprocal"""
+    exposure_index: int = Field(800, ge=160, le=1600)
+    """for curve=arri_logc3: 160, 200, 250, 320, 400, 500, 640, 800, 1000, 1280 or 1600"""
     white: Luminance | None = Field(None, ge=1, le=10000)
-    """luminance that linear 1 stands for, for curve=pq (203 unless given) and curve=bt1886 (100 unless given)"""
+    """luminance that linear 1 stands for, for curve=pq (203 unless given), bt1886 (100), st428 (48) and dicom_gsdf
+    (100)"""
     black: Luminance = Field(0, ge=0, le=1000)
     """luminance of the display's black, for curve=bt1886; below white"""
     negative: Negative = Negative.MIRROR
-    """negative values: mirror keeps them by odd extension, clamp makes them no light"""
+    """negative light: mirror keeps it, by odd extension or as the curve's standard says; clamp makes it none"""
+
+    @field_validator("exposure_index")
+    @classmethod
+    def _printed(cls, index: int) -> int:
+        if index not in LOGC3:
+            raise ValueError("must be one of " + ", ".join(map(str, LOGC3)))
+        return index
 
     @property
     def nominal_white(self) -> float:
@@ -97,8 +119,25 @@ class Parameters(OperationParameters):
 
 @lru_cache(maxsize=64)
 def form(p: Parameters) -> Form:
-    """The parameters' curve as computed."""
-    return curves.form(p.curve, p.direction, gamma=p.gamma, white=p.nominal_white, black=p.black)
+    """The parameters' curve as computed, of those in `WHOLE` with one gamma."""
+    gamma = p.gamma if isinstance(p.gamma, float) else p.gamma[0]
+    return curves.form(p.curve, p.direction, gamma=gamma, white=p.nominal_white, black=p.black)
+
+
+def _definition(p: Parameters) -> Definition:
+    return definition(p.curve, white=p.nominal_white, exposure_index=p.exposure_index)
+
+
+@lru_cache(maxsize=256)
+def shape(p: Parameters) -> Shape:
+    """The same of every curve."""
+    encode = p.direction is Direction.ENCODE
+    if p.curve is Curve.GAMMA and isinstance(p.gamma, tuple):
+        return Powers(tuple(1 / g if encode else g for g in p.gamma), p.clamped)
+    if p.curve in WHOLE:
+        return Whole(form(p), p.clamped)
+    curve = _definition(p).curve(encode)
+    return Pieced(held(curve, encode) if p.clamped else curve)
 
 
 # ------------------------------------------------------------------------------------------------------ declaration
@@ -109,8 +148,12 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     flaws = []
     if p.gamma != 2.2 and p.curve is not Curve.GAMMA:
         flaws.append(Flaw("/parameters/gamma", f"applies to curve=gamma only (curve={p.curve})"))
+    elif isinstance(p.gamma, tuple) and len(p.gamma) != (colours := _colours(facts["image"])):
+        flaws.append(Flaw("/parameters/gamma", f"has {len(p.gamma)} numbers for {colours} colour channel(s)"))
+    if p.exposure_index != 800 and p.curve is not Curve.ARRI_LOGC3:
+        flaws.append(Flaw("/parameters/exposure_index", f"applies to curve=arri_logc3 only (curve={p.curve})"))
     if p.white is not None and p.curve not in WHITE:
-        flaws.append(Flaw("/parameters/white", f"applies to curve=pq and curve=bt1886 only (curve={p.curve})"))
+        flaws.append(Flaw("/parameters/white", f"applies to curve={' and '.join(WHITE)} only (curve={p.curve})"))
     if p.black and p.curve is not Curve.BT1886:
         flaws.append(Flaw("/parameters/black", f"applies to curve=bt1886 only (curve={p.curve})"))
     elif p.black and p.black >= p.nominal_white / 2:
@@ -120,22 +163,17 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     return flaws
 
 
+def _colours(facts: Facts) -> int:
+    return facts.channels - (facts.alpha is not Alpha.NONE)
+
+
 def _identity(p: Parameters, facts: InputFacts) -> str | None:
     extent = facts["image"].extent
-    if p.curve is not Curve.GAMMA or p.gamma != 1:
+    if p.curve is not Curve.GAMMA or any(g != 1 for g in (p.gamma if isinstance(p.gamma, tuple) else (p.gamma,))):
         return None
     if p.clamped and (extent.low < 0 or extent.nonfinite):
         return None
     return "gamma is 1"
-
-
-def _bounds(p: Parameters, facts: Facts) -> tuple[float, float]:
-    """The input's range as the curve sees it."""
-    shape = form(p)
-    low, high = facts.extent.low, facts.extent.high
-    if p.clamped:
-        low, high = max(low, -shape.shift), max(high, -shape.shift)
-    return low, high
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
@@ -144,14 +182,12 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
 
 @lru_cache(maxsize=KNOWN)
 def _converted(p: Parameters, image: Facts) -> Facts:
-    shape = form(p)
-    low, high = (shape.value(x) for x in _bounds(p, image))
-    slack = shape.jump + _exact_error(p, image).value
+    curve = shape(p)
+    slack = _exact_error(p, image).value
+    low, high = curve.span(image.extent.low, image.extent.high)
+    if image.extent.nonfinite:
+        low, high = min([low, *curve.limits]), max([high, *curve.limits])
     low, high = low - slack, high + slack
-    if image.extent.nonfinite and math.isfinite(limit := float(shape.magnitude(math.inf))):
-        low, high = min(low, -limit - slack), max(high, limit + slack)
-    if image.extent.nonfinite and p.clamped:
-        low = min(low, shape.offset)
     if image.alpha is not Alpha.NONE:
         low, high = min(low, image.extent.low), max(high, image.extent.high)
     overflow = max(abs(low), abs(high)) > FLOAT_MAX
@@ -175,17 +211,20 @@ def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
 
 @lru_cache(maxsize=KNOWN)
 def _carried(p: Parameters, image: Facts, error: float) -> float:
+    ends = image.extent.low, image.extent.high
     if image.alpha is Alpha.NONE:
-        return form(p).modulus(*_bounds(p, image), error)
+        return shape(p).modulus(*ends, error)
     # Colour counts multiplied by its coverage a. With |c'a' - ca| and |a' - a| at most e, (c' - c) a' is at most
     # (1 + |c|) e, and f(c')a' - f(c)a = (f(c') - f(c)) a' + f(c) (a' - a).
     colour, result = image.extent.magnitude, _converted(p, image).extent.magnitude
-    return max(form(p).modulus(*_bounds(p, image), (1 + colour) * error) + result * error, error)
+    return max(shape(p).modulus(*ends, (1 + colour) * error) + result * error, error)
 
 
 def _inverse(p: Parameters) -> Parameters | None:
     """The other direction, where no two values have the same result: not clamped, not decoding into a plateau."""
     if p.clamped or (p.direction is Direction.DECODE and p.curve in (Curve.PQ, Curve.BT709)):
+        return None
+    if p.curve not in WHOLE and not _definition(p).undone(p.direction is Direction.ENCODE):
         return None
     other = Direction.ENCODE if p.direction is Direction.DECODE else Direction.DECODE
     return p.model_copy(update={"direction": other})
@@ -207,10 +246,15 @@ transfer = Operation(
     wants_alpha=Alpha.STRAIGHT,
     check=_check,
     examples=(
-        *({"curve": str(curve), "direction": str(way)} for curve in Curve for way in Direction),
+        *({"curve": str(curve), "direction": str(way)} for curve in WHOLE for way in Direction),
         *({"curve": "bt1886", "direction": str(way), "black": 0.05} for way in Direction),
         {"curve": "gamma", "gamma": 0.8, "negative": "clamp"},
         {"curve": "pq", "direction": "encode", "white": 100, "negative": "clamp"},
+        {"curve": "arri_logc3", "direction": "encode", "exposure_index": 400},
+        {"curve": "acescc", "direction": "decode"},
+        {"curve": "canon_log3", "direction": "encode", "negative": "clamp"},
+        {"curve": "nikon_nlog", "direction": "encode"},
+        {"curve": "dicom_gsdf", "direction": "decode"},
     ),
     hard_cases=CASES,
 )
@@ -220,110 +264,35 @@ transfer = Operation(
 
 @transfer.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
-    """The standards' formulas with the symbols they use."""
+    """The standards' formulas: of the table, or those of standards.py."""
     image = inputs["image"]
-    x = image.pixels[..., : image.colours]
+    x, decode = image.pixels[..., : image.colours], p.direction is Direction.DECODE
     result = image.pixels.copy()
     with np.errstate(all="ignore"):
         if p.curve is Curve.BT1886:
-            result[..., : image.colours] = _bt1886(x, p)
+            y = standards.bt1886(x, decode, p.nominal_white, p.black, p.clamped)
+        elif p.curve in WHOLE:
+            size = np.maximum(x, 0) if p.clamped else np.abs(x)
+            y = standards.STANDARDS[p.curve](size, decode, p.gamma, p.nominal_white)
+            y = np.where(x < 0, -y, y) if not p.clamped else y
         else:
-            y = STANDARDS[p.curve](np.maximum(x, 0) if p.clamped else np.abs(x), p, p.direction is Direction.DECODE)
-            result[..., : image.colours] = np.where(x < 0, -y, y) if not p.clamped else y
-    return result
-
-
-def _srgb(x: Array, p: Parameters, decode: bool) -> Array:
-    if decode:
-        return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
-    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
-
-
-def _gamma(x: Array, p: Parameters, decode: bool) -> Array:
-    return np.power(x, p.gamma if decode else 1 / p.gamma)
-
-
-def _bt709(x: Array, p: Parameters, decode: bool) -> Array:
-    if decode:
-        return np.where(x <= 0.081, x / 4.5, np.maximum(((x + 0.099) / 1.099) ** (1 / 0.45), 0.018))
-    return np.where(x < 0.018, 4.5 * x, 1.099 * x**0.45 - 0.099)
-
-
-def _pq(x: Array, p: Parameters, decode: bool) -> Array:
-    m1, m2 = 2610 / 16384, 2523 / 4096 * 128
-    c1, c2, c3 = 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32
-    if decode:
-        root = x ** (1 / m2)
-        pole = c2 - c3 * root
-        y = np.where(pole <= 0, np.inf, (np.maximum(root - c1, 0) / pole) ** (1 / m1))
-        light: Array = np.where(np.isinf(x), x, np.minimum(10000 * y, 1e10) / p.nominal_white)
-        return light
-    power = (x * p.nominal_white / 10000) ** m1
-    return np.power(np.where(np.isinf(x), c2 / c3, (c1 + c2 * power) / (1 + c3 * power)), m2)
-
-
-def _hlg(x: Array, p: Parameters, decode: bool) -> Array:
-    a = 0.17883277
-    b, c = 1 - 4 * a, 0.5 - a * math.log(4 * a)
-    if decode:
-        return np.where(x <= 1 / 2, x**2 / 3, (np.exp((x - c) / a) + b) / 12)
-    return np.where(x <= 1 / 12, np.sqrt(3 * x), a * np.log(12 * x - b) + c)
-
-
-STANDARDS = {Curve.SRGB: _srgb, Curve.GAMMA: _gamma, Curve.BT709: _bt709, Curve.PQ: _pq, Curve.HLG: _hlg}
-"""For x >= 0; the sign is put back by `truth`."""
-
-
-def _bt1886(x: Array, p: Parameters) -> Array:
-    """L = a max(V + b, 0)^2.4, whose power is continued oddly where negative values are mirrored."""
-    gamma, white, black = 2.4, p.nominal_white, p.black
-    span = white ** (1 / gamma) - black ** (1 / gamma)
-    a, b = span**gamma, black ** (1 / gamma) / span
-    decode = p.direction is Direction.DECODE
-    base = x + b if decode else x * white / a
-    if p.clamped:
-        base = np.maximum(base, 0)
-    power = np.sign(base) * np.power(np.abs(base), gamma if decode else 1 / gamma)
-    result: Array = power * a / white if decode else power - b
+            curve = _definition(p).curve(not decode)
+            y = (held(curve, not decode) if p.clamped else curve)(x)
+    result[..., : image.colours] = y
     return result
 
 
 # ---------------------------------------------------------------------------------------------------------- methods
 
 
-def _numpy(image: Image, p: Parameters, table: Table | None) -> Array:
-    out = evaluate(image.pixels, form(p), clamped=p.clamped, table=table)
-    if image.alpha is not Alpha.NONE:
-        out[..., -1] = image.pixels[..., -1]
-    return out
-
-
-POWERS = {"power": 1.0, "exponential": 0.7, "logarithm": 0.7, "pq_encode": 2.0, "pq_decode": 2.2}
-"""What a sample of each body costs, in powers."""
-
-
 def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
     """Powers; coverage is computed like colour and dropped."""
-    return POWERS[form(p).body] * facts["image"].samples
-
-
-ROUNDINGS = 3.0
-"""Roundings of the worst sample: of the result itself, and of the argument, which the curve's steepness amplifies."""
+    return shape(p).cost * facts["image"].samples
 
 
 @lru_cache(maxsize=KNOWN)
 def _exact_error(p: Parameters, facts: Facts) -> Error:
-    """Rounding x steepness x size of the result at the far end of the range, where the product is largest.
-
-    NumPy also rounds a power's exponent, by half a rounding at most, which the logarithm of the base amplifies.
-    """
-    shape = form(p)
-    far = min(max(abs(x + shape.shift) for x in _bounds(p, facts)), shape.reach)
-    size = min(float(shape.magnitude(far)), FLOAT_MAX)
-    roundings = ROUNDINGS * (1 + shape.steepness(max(far, shape.knee)))
-    if shape.body == "power" and far > 0:
-        roundings += 0.5 * abs(math.log(far))
-    value = roundings * ROUNDING * max(size, abs(shape.drop)) + 2 * ROUNDING * abs(shape.offset)
+    value = min(shape(p).error(facts.extent.low, facts.extent.high), FLOAT_MAX)
     return Error(value, "estimate", rounding=value)
 
 
@@ -339,21 +308,29 @@ class Exact:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return launch(device, inputs["image"], form(parameters), parameters.clamped, "exact")
+        return shape(parameters).opencl(device, inputs["image"])
 
     @staticmethod
     def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return _numpy(inputs["image"], parameters, None)
+        return shape(parameters).numpy(inputs["image"])
+
+
+def _table_unfit(p: Parameters, facts: InputFacts) -> str | None:
+    if p.curve not in WHOLE:
+        return "a curve of several pieces is computed: a table of it would cost more than it saves"
+    return "each channel has its own exponent" if isinstance(p.gamma, tuple) else None
 
 
 def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     """The table's proved bound, unless the picture reaches beyond the table."""
-    shape = form(p)
-    table = tabulate(shape, round(knob))
-    rounding = table.rounding + 2 * ROUNDING * abs(shape.offset)
+    if _table_unfit(p, facts):
+        return _exact_error(p, facts["image"])
+    whole, extent = Whole(form(p), p.clamped), facts["image"].extent
+    table = tabulate(whole.form, round(knob))
+    rounding = table.rounding + 2 * ROUNDING * abs(whole.form.offset)
     bound = table.bound + rounding
-    far = max(abs(x + shape.shift) for x in _bounds(p, facts["image"]))
-    if far <= shape.top and not facts["image"].extent.nonfinite:
+    far = max(abs(x + whole.form.shift) for x in whole.seen(extent.low, extent.high))
+    if far <= whole.form.top and not extent.nonfinite:
         return Error(bound, "bound", rounding)
     beyond = _exact_error(p, facts["image"])
     return Error(max(bound, beyond.value), beyond.kind, max(rounding, beyond.rounding))
@@ -365,6 +342,7 @@ def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     work=lambda p, knob, facts: facts["image"].samples,
     rates={"opencl": Rate(3e-4, 8.5e-10), "numpy": Rate(8e-5, 5e-9)},
     knob=Knob("size", (256, 1024, 4096, 16384, 65536), "cells of the table at most", 256, 65536),
+    unfit=_table_unfit,
 )
 class Interpolated:
     """Linear interpolation in a table whose cells shrink with the sample; proved up to the table's top, computed
@@ -378,4 +356,8 @@ class Interpolated:
 
     @staticmethod
     def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return _numpy(inputs["image"], parameters, tabulate(form(parameters), round(knob)))
+        image, table = inputs["image"], tabulate(form(parameters), round(knob))
+        out = evaluate(image.pixels, form(parameters), clamped=parameters.clamped, table=table)
+        if image.alpha is not Alpha.NONE:
+            out[..., -1] = image.pixels[..., -1]
+        return out

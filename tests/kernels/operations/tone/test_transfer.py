@@ -18,7 +18,7 @@ from lichen.image import Alpha, Extent, Image, Space
 from lichen.opencl.device import default_device
 from lichen.operation import Facts
 from lichen.operations.tone import tables
-from lichen.operations.tone.curves import Curve, Direction
+from lichen.operations.tone.curves import WHOLE, Curve, Direction
 from lichen.operations.tone.transfer import Parameters, form, transfer
 
 with warnings.catch_warnings():
@@ -26,7 +26,7 @@ with warnings.catch_warnings():
     from colour.models.rgb import transfer_functions as colour
 
 BACKENDS = ("opencl", "numpy")
-WAYS = [(curve, way) for curve in Curve for way in Direction]
+WAYS = [(curve, way) for curve in WHOLE for way in Direction]
 IDS = [f"{curve}-{way}" for curve, way in WAYS]
 DIGITS = 50
 
@@ -272,7 +272,7 @@ def test_pq_is_accurate_to_its_steepness(backend: str) -> None:
     assert np.abs(compute(decode, signal, backend) / expected - 1).max() <= {"opencl": 1.5e-6, "numpy": 2.5e-6}[backend]
 
 
-@pytest.mark.parametrize("curve", Curve)
+@pytest.mark.parametrize("curve", WHOLE)
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_round_trip(curve: Curve, backend: str) -> None:
     """decode(encode(x)), relative, 1e-3 to the nominal peak. In PQ the naive formulas lose 1.2e-4 here."""
