@@ -209,17 +209,9 @@ class Pieced:
 
     def opencl(self, device: Device, image: Image) -> Array:
         curve = self.curve
-        centre = curve.centre or (0.0, 0.0)
-        numbers: list[float] = [*_split(-centre[0]), centre[1]]
-        calls: list[str] = []
-        for piece in curve.pieces:
-            at = len(numbers)
-            own = Numbers.of(piece) if piece.body != "constant" else Numbers(0, 0, 0, 0, piece.drop, 1)
-            numbers += [*own.binary(piece.body), float(ceiling32(min(max(piece.start, -FLOAT_MAX), FLOAT_MAX)))]
-            call = {"line": f"LINE({at})", "constant": f"CONSTANT({at})"}.get(piece.body, f"PIECE({piece.body}, {at})")
-            calls.append(f"FROM({at}, {call})" if calls else f"y = {call};")
+        numbers, calls = written(curve, 0)
         defines: dict[str, int | float | str] = {
-            "PIECES": " ".join(calls), "MIRRORED": int(curve.centre is not None),
+            "PIECES": calls, "MIRRORED": int(curve.centre is not None),
             "HELD": {"": 0, "input": 1, "result": 2}[curve.held],
         }  # fmt: skip
         constants = aligned(np.array(numbers, F))
@@ -229,17 +221,36 @@ class Pieced:
         return blockwise(image, self._block)
 
     def _block(self, x: Array) -> Array:
-        curve = self.curve
-        given = np.where(x < 0, F(0), x) if curve.held == "input" else x
-        high, low = _split(-curve.centre[0]) if curve.centre else (0.0, 0.0)
-        away: Array = (given + F(high)) + F(low) if high else given
-        a = np.abs(away) if curve.centre else away
-        y = _piece32(curve.pieces[0], a)
-        for piece in curve.pieces[1:]:
-            np.copyto(y, _piece32(piece, a), where=a >= ceiling32(piece.start))
-        if curve.centre:
-            y = np.where(np.signbit(away), -y, y) + F(curve.centre[1])
-        return np.where(y < 0, F(0), y) if curve.held == "result" else y
+        return computed(self.curve, x)
+
+
+def written(curve: Piecewise, at: int) -> tuple[list[float], str]:
+    """The numbers that a kernel reads from place `at` on, the centre's first, and its pieces as calls."""
+    centre = curve.centre or (0.0, 0.0)
+    numbers: list[float] = [*_split(-centre[0]), centre[1]]
+    calls: list[str] = []
+    for piece in curve.pieces:
+        here = at + len(numbers)
+        own = Numbers.of(piece) if piece.body != "constant" else Numbers(0, 0, 0, 0, piece.drop, 1)
+        numbers += [*own.binary(piece.body), float(ceiling32(min(max(piece.start, -FLOAT_MAX), FLOAT_MAX)))]
+        plain = {"line": f"LINE({here})", "constant": f"CONSTANT({here})"}
+        call = plain.get(piece.body, f"PIECE({piece.body}, {here})")
+        calls.append(f"FROM({here}, {call})" if calls else f"y = {call};")
+    return numbers, " ".join(calls)
+
+
+def computed(curve: Piecewise, x: Array) -> Array:
+    """The curve in float32 NumPy."""
+    given = np.where(x < 0, F(0), x) if curve.held == "input" else x
+    high, low = _split(-curve.centre[0]) if curve.centre else (0.0, 0.0)
+    away: Array = (given + F(high)) + F(low) if high else given
+    a = np.abs(away) if curve.centre else away
+    y = _piece32(curve.pieces[0], a)
+    for piece in curve.pieces[1:]:
+        np.copyto(y, _piece32(piece, a), where=a >= ceiling32(piece.start))
+    if curve.centre:
+        y = np.where(np.signbit(away), -y, y) + F(curve.centre[1])
+    return np.where(y < 0, F(0), y) if curve.held == "result" else y
 
 
 def _piece32(piece: Piece, a: Array) -> Array:

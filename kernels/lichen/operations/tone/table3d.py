@@ -1,4 +1,4 @@
-"""Table3d: colour through a three-dimensional table.
+"""Table3d: colour through a three-dimensional table, or a colour transform file.
 
 Truth: each colour is brought into the domain, [domain_min, domain_max] per channel, and its place in the table of n^3
 colours is interpolated between the corners of its cell:
@@ -9,11 +9,17 @@ colours is interpolated between the corners of its cell:
 * trilinear: among all eight.
 
 Both are continuous and neither leaves the range of the table. The table is the text of a .cube file, or an input image
-of n^2 rows and n columns, red along a row and green faster than blue down the rows. Channels beyond the third pass
-untouched; a pixel with NaN in any colour becomes NaN in all three.
+of n^2 rows and n columns, red along a row and green faster than blue down the rows. A .cube may also hold a
+one-dimensional table, alone or as a shaper before the other. Channels beyond the third pass untouched; a pixel with NaN
+in any colour becomes NaN in all three.
+
+Or `clf` is the text of a Common LUT Format file: its nodes (matrices, tables of one and three dimensions, ranges,
+exponents, logarithms, ASC CDL) are applied in order, each as the format defines it, in one pass over the picture. A
+table in it says itself how it is interpolated (trilinear unless it does).
 
 Source: J. Kasson et al., Performing color space conversions with three-dimensional linear interpolation, J. Electronic
-Imaging 4(3), 1995; McReynolds and Blythe, Advanced Graphics Programming Using OpenGL, 2005, section 12.2.3.
+Imaging 4(3), 1995; McReynolds and Blythe, Advanced Graphics Programming Using OpenGL, 2005, section 12.2.3; AMPAS
+S-2014-006 (CLF).
 """
 
 from __future__ import annotations
@@ -43,8 +49,11 @@ from lichen.operation import (
     OperationParameters,
     Rate,
 )
+from lichen.operations.tone import clf
+from lichen.operations.tone.chain import Chain, Step, Table1, Table3
 from lichen.operations.tone.cube import LARGEST, LONGEST, Triple, parse, written
-from lichen.operations.tone.pointwise import blockwise, carried
+from lichen.operations.tone.lattice import looked_up
+from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -53,6 +62,8 @@ if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
 Edge = Annotated[float, Field(ge=-1e6, le=1e6)]
+FAR = 1e30
+"""Beyond it a chain of steps may leave float32's range on the way."""
 
 
 class Interpolation(StrEnum):
@@ -64,7 +75,9 @@ class Interpolation(StrEnum):
 
 class Parameters(OperationParameters):
     cube: str | None = Field(None, max_length=LONGEST)
-    """the text of a .cube file with a three-dimensional table, in place of the input table"""
+    """the text of a .cube file, in place of the input table"""
+    clf: str | None = Field(None, max_length=LONGEST)
+    """the text of a Common LUT Format file, in place of a table"""
     interpolation: Interpolation = Interpolation.TETRAHEDRAL
     """tetrahedral or trilinear: they are different definitions"""
     domain_min: tuple[Edge, Edge, Edge] | None = None
@@ -79,6 +92,22 @@ class Parameters(OperationParameters):
             parse(cube)
         return cube
 
+    @field_validator("clf")
+    @classmethod
+    def _read(cls, text: str | None) -> str | None:
+        if text is not None:
+            clf.parse(text)
+        return text
+
+    @property
+    def chain(self) -> Chain | None:
+        """The steps of a colour transform file, or of a .cube with a table of one dimension; None for a plain table."""
+        if self.clf is not None:
+            return clf.parse(self.clf)
+        if self.cube is None or parse(self.cube).shaper is None:
+            return None
+        return _shaped(self.cube, self.interpolation is Interpolation.TETRAHEDRAL)
+
     @property
     def domain(self) -> tuple[Triple, Triple]:
         held = parse(self.cube) if self.cube is not None else None
@@ -86,11 +115,24 @@ class Parameters(OperationParameters):
         return low, self.domain_max or (held.high if held else (1.0, 1.0, 1.0))
 
 
+@lru_cache(maxsize=8)
+def _shaped(text: str, tetrahedral: bool) -> Chain:
+    held = parse(text)
+    steps: list[Step] = []
+    if held.shaper is not None:
+        steps.append(Table1(held.shaper, *held.shaper_ends))
+    if held.table is not None:
+        steps.append(Table3(held.table, held.low, held.high, tetrahedral))
+    return Chain(tuple(steps))
+
+
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     image, table = facts["image"], facts.get("table")
     flaws = []
-    if (p.cube is None) == (table is None):
-        flaws.append(Flaw("/inputs/table", "a table is needed: as this input, or as text in cube; not both"))
+    if sum(each is not None for each in (p.cube, p.clf, table)) != 1:
+        flaws.append(Flaw("/inputs/table", "a table is needed: as this input, or as text in cube or clf; only one"))
+    if p.chain is not None and (p.domain_min or p.domain_max):
+        flaws.append(Flaw("/parameters/domain_min", "applies to a single table: files of several steps say their own"))
     if table is not None:
         size = table.width
         if table.height != size * size or not 2 <= size <= LARGEST:
@@ -105,10 +147,18 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     return flaws
 
 
+def _single(text: str) -> Array:
+    """The table of a .cube that holds nothing else."""
+    table = parse(text).table
+    if table is None:
+        raise TypeError("the text holds no table of three dimensions")
+    return table
+
+
 @lru_cache(maxsize=8)
 def _steps_of(text: str) -> tuple[float, float, float, int]:
     """Lowest and highest value, the largest differences along the three axes summed, and the size."""
-    table = parse(text).table
+    table = _single(text)
     steps = sum(float(np.abs(np.diff(table, axis=axis)).max()) for axis in range(3))
     return float(table.min()), float(table.max()), steps, len(table)
 
@@ -123,7 +173,11 @@ def _known(p: Parameters, facts: InputFacts) -> tuple[float, float, float, int]:
 
 
 def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    """The place carries roundings of the sample, the domain and the scale; the weights sum to 1 but for theirs."""
+    """The place carries roundings of the sample, the domain and the scale; the weights sum to 1 but for theirs. Of a
+    chain, what its steps make of one another's."""
+    if p.chain is not None:
+        worst = p.chain.walk(facts["image"].extent.low, facts["image"].extent.high)[2]
+        return Error(worst, "estimate", worst)
     low, high, steps, size = _known(p, facts)
     ends = p.domain
     off = max(max(abs(a), abs(b)) / max(b - a, 1e-12) for a, b in zip(*ends, strict=True)) * (size - 1)
@@ -133,15 +187,26 @@ def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
     image = facts["image"]
-    low, high, _, _ = _known(p, facts)
+    chain = p.chain
+    low, high = chain.walk(image.extent.low, image.extent.high)[:2] if chain else _known(p, facts)[:2]
     slack = _error(p, 0.0, facts).value
     low, high = low - slack, high + slack
     if image.channels > 3:
         low, high = min(low, image.extent.low), max(high, image.extent.high)
+    if chain and (image.extent.nonfinite or max(-low, high) > FAR):
+        # What an infinite value becomes is the chain's affair, and an overflow on the way may be held again.
+        return dataclasses.replace(image, extent=Extent(-FLOAT_MAX, FLOAT_MAX, image.samples))
     return dataclasses.replace(image, extent=Extent(low, high, min(3 * image.extent.nonfinite, image.samples)))
 
 
 def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
+    image, chain = facts["image"], p.chain
+    if chain is not None:
+        ends = image.extent.low, image.extent.high
+        return carried(
+            image, _result(p, facts).extent.magnitude,
+            lambda change: max(chain.walk(*ends, change)[2], change if image.channels > 3 else 0.0), error,
+        )  # fmt: skip
     _, _, steps, size = _known(p, facts)
     narrowest = max(min(b - a for a, b in zip(*p.domain, strict=True)), 1e-12)
     steepest = max(steps * (size - 1) / narrowest, 1.0 if facts["image"].channels > 3 else 0.0)
@@ -161,6 +226,23 @@ def _example(size: int, bend: float) -> str:
 
 
 SMALL, MIDDLE = _example(2, 0.0), _example(5, -0.4)
+
+
+GRADE = """<?xml version="1.0" encoding="UTF-8"?>
+<ProcessList id="grade" compCLFversion="3">
+  <Exponent inBitDepth="32f" outBitDepth="32f" style="monCurveMirrorFwd">
+    <ExponentParams exponent="2.4" offset="0.055"/>
+  </Exponent>
+  <Matrix inBitDepth="32f" outBitDepth="32f">
+    <Array dim="3 3">0.82 0.18 0 0.03 0.97 0 0.02 0.07 0.91</Array>
+  </Matrix>
+  <ASC_CDL inBitDepth="32f" outBitDepth="16f" style="Fwd">
+    <SOPNode><Slope>1.1 1 0.9</Slope><Offset>0.01 0 -0.02</Offset><Power>0.9 1 1.1</Power></SOPNode>
+    <SatNode><Saturation>1.2</Saturation></SatNode>
+  </ASC_CDL>
+  <LUT1D inBitDepth="16f" outBitDepth="10i"><Array dim="5 1">0 400 650 850 1023</Array></LUT1D>
+</ProcessList>
+"""
 
 
 def _neutral(inputs: Mapping[str, Any], pixels: Array) -> str | None:
@@ -195,6 +277,7 @@ table3d = Operation(
         {"cube": MIDDLE, "interpolation": "trilinear"},
         {"cube": SMALL, "domain_min": [-0.5, 0, 0], "domain_max": [1, 2, 1.5]},
         {"cube": SMALL, "interpolation": "trilinear", "domain_max": [0.7, 0.8, 0.9]},
+        {"clf": GRADE},
     ),
     hard_cases=(
         HardCase(
@@ -220,58 +303,25 @@ table3d = Operation(
 def _table(p: Parameters, inputs: Inputs) -> Array:
     """Shape (n, n, n, 3), axes blue, green, red."""
     if p.cube is not None:
-        return parse(p.cube).table
+        return _single(p.cube)
     pixels = inputs["table"].pixels
     size = pixels.shape[1]
     return pixels.reshape(size, size, size, 3)
 
 
-def _looked_up(x: Array, table: Array, p: Parameters) -> Array:
-    """The definition, in the precision of x; x of shape (..., 3)."""
-    size = len(table)
-    table = table.reshape(-1, 3).astype(x.dtype, copy=False)
-    low, high = (np.array(edge, dtype=x.dtype) for edge in p.domain)
-    scale = ((size - 1) / (np.array(p.domain[1]) - np.array(p.domain[0]))).astype(x.dtype)
-    place = (np.clip(x, low, high) - low) * scale
-    cell = np.minimum(np.nan_to_num(place).astype(np.int32), size - 2)
-    part = place - cell.astype(x.dtype)
-    axes = np.array([1, size, size * size], np.int32)
-    base = cell @ axes
-    if p.interpolation is Interpolation.TRILINEAR:
-        return _trilinear(table, base, part, axes)
-    order = np.argsort(-part, axis=-1, kind="stable")
-    sizes = np.take_along_axis(part, order, -1)
-    steps = np.cumsum(axes[order], axis=-1)
-    value: Array = table[base] * (1 - sizes[..., :1])
-    value += table[base + steps[..., 0]] * (sizes[..., 0:1] - sizes[..., 1:2])
-    value += table[base + steps[..., 1]] * (sizes[..., 1:2] - sizes[..., 2:3])
-    value += table[base + steps[..., 2]] * sizes[..., 2:3]
-    value[np.isnan(x).any(axis=-1)] = np.nan
-    return value
-
-
-def _trilinear(table: Array, base: Array, part: Array, axes: Array) -> Array:
-    """A NaN in the place makes all three NaN by itself: every corner has every part in its weight."""
-    r, g, b = part[..., 0:1], part[..., 1:2], part[..., 2:3]
-    value = np.zeros_like(part)
-    for corner in range(8):
-        on = [(corner >> axis) & 1 for axis in range(3)]
-        weight = (r if on[0] else 1 - r) * (g if on[1] else 1 - g) * (b if on[2] else 1 - b)
-        value += table[base + int(np.dot(on, axes))] * weight
-    return value
-
-
 @table3d.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
     image = inputs["image"]
-    result = image.pixels.copy()
-    result[..., :3] = _looked_up(image.pixels[..., :3], _table(p, inputs), p)
+    if p.chain is not None:
+        return p.chain.evaluate(image, np.float64)
+    result, tetrahedral = image.pixels.copy(), p.interpolation is Interpolation.TETRAHEDRAL
+    result[..., :3] = looked_up(image.pixels[..., :3], _table(p, inputs), p.domain, tetrahedral=tetrahedral)
     return result
 
 
 @lru_cache(maxsize=8)
 def _padded_cube(text: str) -> Array:
-    return _padded(parse(text).table)
+    return _padded(_single(text))
 
 
 def _padded(table: Array) -> Array:
@@ -283,15 +333,17 @@ def _padded(table: Array) -> Array:
 @table3d.method(
     "exact",
     error=_error,
-    work=lambda p, knob, facts: facts["image"].pixels,
+    work=lambda p, knob, facts: facts["image"].pixels * (2.0 * len(p.chain.steps) if p.chain else 1.0),
     rates={"opencl": Rate(3e-4, 5.5e-9), "numpy": Rate(1e-3, 9e-8)},
 )
 class Exact:
-    """The corners of each pixel's cell, weighted in float32."""
+    """The corners of each pixel's cell, weighted in float32; of a file of several steps, all of them in one pass."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
         image = inputs["image"]
+        if p.chain is not None:
+            return p.chain.opencl(device, image)
         pixels = aligned(image.pixels)
         out, count = aligned_empty(pixels.shape), image.height * image.width
         table = _padded_cube(p.cube) if p.cube is not None else _padded(_table(p, inputs))
@@ -310,11 +362,13 @@ class Exact:
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        table = _table(p, inputs).astype(np.float32)
+        if p.chain is not None:
+            return p.chain.evaluate(inputs["image"], np.float32)
+        table, tetrahedral = _table(p, inputs).astype(np.float32), p.interpolation is Interpolation.TETRAHEDRAL
 
         def body(x: Array) -> Array:
             y = x.copy()
-            y[..., :3] = _looked_up(x[..., :3], table, p)
+            y[..., :3] = looked_up(x[..., :3], table, p.domain, tetrahedral=tetrahedral)
             return y
 
         return blockwise(inputs["image"], body)

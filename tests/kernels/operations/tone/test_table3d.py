@@ -75,12 +75,12 @@ def test_cube_text_is_read() -> None:
         ("", "0 colours"),
         ("LUT_3D_SIZE 100000\n", "2 to 65"),
         ("LUT_3D_SIZE nan\n", "finite"),
-        ("LUT_1D_SIZE 4\n", "one-dimensional"),
+        ("LUT_1D_SIZE 4\n", "LUT_1D_SIZE 4 and LUT_3D_SIZE 0 need 4"),
         ("LUT_3D_SIZE 2\n" + "0 0 0\n" * 9, "more colours"),
         ("LUT_3D_SIZE 2\n" + "0 0 0\n" * 7, "7 colours"),
         ("LUT_3D_SIZE 2\n0 0 inf\n", "line 2"),
         ("LUT_3D_SIZE 2\n0 zero 0\n", "line 2"),
-        ("0 0 0\n", "no LUT_3D_SIZE"),
+        ("0 0 0\n", "no size"),
     ],
 )
 def test_text_that_is_no_table_is_refused(text: str, says: str) -> None:
