@@ -1,0 +1,84 @@
+// Colours brought into a gamut, sixteen pixels at a time; gamut.py says how and why.
+//
+// Definitions given at build time, beside those of planes.clh:
+//   ACTION    0 clip, 1 compress, 2 expand
+//   TURNED    1 where the gamut's primaries are not the picture's: then there are matrices
+//   PEAKED    1 where light above k[PEAK] is out of the gamut too
+// `k` holds the matrix there and the matrix back, rows of three, then:
+enum { PEAK = 18, POWER, LAST, SLOPE = LAST + 3, THRESHOLD = SLOPE + 3, SCALE = THRESHOLD + 3 };
+
+#include "numeric.clh"
+#include "planes.clh"
+
+#define FARTHEST 4.0f
+#define GAMUT_FN static inline __attribute__((always_inline))
+
+GAMUT_FN void turned(float16 *v, global const float *m)
+{
+    float16 r = v[0], g = v[1], b = v[2];
+    for (int row = 0; row < 3; row++)
+        v[row] = fma(b, (float16)(m[3 * row + 2]), fma(g, (float16)(m[3 * row + 1]), r * m[3 * row]));
+}
+
+#if ACTION == 1
+// f(d) = t + (d - t) / (1 + u^p)^(1/p) with u = (d - t) / s, written as s (1 + u^-p)^(-1/p) where u is large.
+GAMUT_FN float16 moved(float16 d, float t, float s, float p)
+{
+    float16 u = (d - t) * (1.0f / s);
+    float16 w = u > 1.0f ? 1.0f / u : u;
+    w = w < 0.0f ? (float16)(0.0f) : w;
+    float16 root = num_pow(1.0f + num_pow(w, (float16)(p)), (float16)(-1.0f / p));
+    float16 y = fma(root * (u > 1.0f ? (float16)(1.0f) : w), (float16)(s), (float16)(t));
+    return u > 0.0f ? y : d;
+}
+#else
+GAMUT_FN float16 moved(float16 d, float t, float s, float p)
+{
+    float16 w = (d - t) * (1.0f / s);
+    w = w < 0.0f ? (float16)(0.0f) : w;
+    float16 y = fma(w * num_pow(1.0f - num_pow(w, (float16)(p)), (float16)(-1.0f / p)), (float16)(s), (float16)(t));
+    return d > t ? y : d;
+}
+#endif
+
+kernel void gamut(global const float *restrict in, global float *restrict out, global const float *restrict k, int pixels)
+{
+    int first = get_global_id(0) * WIDTH;
+    if (first >= pixels)
+        return;
+    int count = min(pixels - first, WIDTH);
+    in += (size_t)first * IN;
+    out += (size_t)first * OUT;
+    float16 v[4];
+    load_planes(in, count, v);
+#if TURNED
+    turned(v, k);
+#endif
+#if ACTION == 0
+    for (int c = 0; c < 3; c++) {
+        v[c] = v[c] < 0.0f ? (float16)(0.0f) : v[c];
+#if PEAKED
+        v[c] = v[c] > k[PEAK] ? (float16)(k[PEAK]) : v[c];
+#endif
+    }
+#else
+    float16 top = num_max(num_max(v[0], v[1]), v[2]), size = fabs(top);
+    for (int c = 0; c < 3; c++) {
+        float16 below = top - v[c], d = below / (size == 0.0f ? (float16)(1.0f) : size);
+        float16 y = fma(-moved(d, k[THRESHOLD + c], k[SCALE + c], k[POWER]), size, top);
+#if ACTION == 2
+        // Beyond the last distance the tangent goes on, without the quotient.
+        float last = k[LAST + c], slope = k[SLOPE + c];
+        float16 beyond = (top - size * FARTHEST) - slope * (below - size * last);
+        y = (d > last) | (size == 0.0f) ? beyond : y;
+#else
+        y = size == 0.0f ? top : y;
+#endif
+        v[c] = below == below ? y : below;
+    }
+#endif
+#if TURNED
+    turned(v, k + 9);
+#endif
+    store_planes(v, in, count, out);
+}

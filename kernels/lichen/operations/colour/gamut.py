@@ -1,0 +1,397 @@
+"""Gamut: what lies outside a gamut, and bringing it inside.
+
+The picture is scene-linear light of the primaries `source`; the gamut is that of the primaries `target`: colours whose
+linear RGB there has no negative value, and none above `peak` where it is given. Colours are taken there by a matrix
+(white adapted by Bradford) and back.
+
+* clip: each value is held to 0 and to `peak`. What is inside stays; hue and detail outside are lost.
+* compress: the Academy's reference gamut compression. With top the largest of a pixel's values, a channel lies
+  d = (top - x) / |top| below it; d stays up to `threshold` and is drawn together above it so that `limit` lands on 1,
+  the gamut's wall: f(d) = t + (d - t) / (1 + ((d - t) / s)^p)^(1/p), with s such that f(limit) = 1. Then
+  x' = top - f(d) |top|. Thresholds and limits are those of cyan, magenta and yellow, for the distances of red, green
+  and blue. Colours up to `threshold` stay as they are. It is the same at every exposure.
+* expand: the inverse of compress, of distances that come from up to 4; beyond it the tangent goes on, since the curve
+  has a pole there.
+* report: 1 where a pixel is outside, in one channel.
+
+Every action reports as findings which share of the picture is outside, by which channel, and how far the farthest
+colour is: `distance` is the largest d, above 1 outside.
+
+Numbers: d overflows next to black, so f is written as t + s (1 + u^-p)^(-1/p) where u = (d - t) / s is large, and the
+tangent needs no quotient. A NaN makes its pixel NaN. There is no trade of accuracy for time in either.
+
+Source: Academy Color Encoding System, Reference Gamut Compression specification S-2020-001, 2021.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from enum import StrEnum
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field
+
+from lichen.errors import Flaw
+from lichen.image import Alpha, Extent, Image
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.operation import (
+    POINTWISE,
+    ROUNDING,
+    Error,
+    Facts,
+    HardCase,
+    Input,
+    InputFacts,
+    Inputs,
+    Light,
+    Operation,
+    OperationParameters,
+    Rate,
+)
+from lichen.operations.colour.primaries import Adaptation, Primaries, adapt, to_xyz
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import Any
+
+    from lichen.opencl.device import Device
+
+Threshold = Annotated[float, Field(ge=0, le=0.99)]
+Limit = Annotated[float, Field(ge=1.001, le=4)]
+FARTHEST = 4.0
+"""The distance up to which expand undoes compress."""
+FLOAT_MAX = float(np.finfo(np.float32).max)
+BLOCK = 1 << 14
+
+
+class Action(StrEnum):
+    """What is done with colours outside the gamut."""
+
+    CLIP = "clip"
+    COMPRESS = "compress"
+    EXPAND = "expand"
+    REPORT = "report"
+
+
+class Parameters(OperationParameters):
+    action: Action = Action.COMPRESS
+    """what is done with colours outside"""
+    target: Primaries = Primaries.BT709
+    """the gamut, by its primaries"""
+    source: Primaries = Primaries.BT709
+    """the primaries of the picture's linear light"""
+    peak: float | None = Field(None, gt=0, le=1e6)
+    """light above it is outside too, for clip and report; none is unless given"""
+    threshold: tuple[Threshold, Threshold, Threshold] = (0.815, 0.803, 0.88)
+    """distances of red, green and blue up to which colours stay, for compress and expand"""
+    limit: tuple[Limit, Limit, Limit] = (1.147, 1.264, 1.312)
+    """distances that land on the gamut's wall"""
+    power: float = Field(1.2, ge=1, le=5)
+    """how sharply the curve bends: 1 is softest"""
+
+    @property
+    def moves(self) -> bool:
+        return self.action in (Action.COMPRESS, Action.EXPAND)
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """s of each channel, with which the limit lands on 1."""
+        p = self.power
+        return tuple(
+            (m - t) / (((1 - t) / (m - t)) ** -p - 1) ** (1 / p)
+            for t, m in zip(self.threshold, self.limit, strict=True)
+        )
+
+
+@lru_cache(maxsize=64)
+def _matrices(source: Primaries, target: Primaries) -> tuple[Array, Array]:
+    """Linear RGB of the source to that of the target, and back."""
+    across = adapt(source.white, target.white, Adaptation.BRADFORD)
+    there = np.linalg.solve(to_xyz(target), across @ to_xyz(source)) if source is not target else np.eye(3)
+    return there, np.linalg.inv(there)
+
+
+def compressed(d: Array, t: float, s: float, p: float) -> Array:
+    """f(d), in the precision of d."""
+    kind = d.dtype.type
+    u = (d - kind(t)) / kind(s)
+    large = u > 1
+    w = np.maximum(np.where(large, 1 / np.where(large, u, 1), u), 0)
+    root = np.power(1 + np.power(w, kind(p)), kind(-1 / p))
+    y: Array = np.where(u > 0, root * np.where(large, kind(1), w) * kind(s) + kind(t), d)
+    return y
+
+
+def expanded(d: Array, t: float, s: float, p: float) -> Array:
+    """The inverse of f, for d below its pole."""
+    kind = d.dtype.type
+    w = np.maximum((d - kind(t)) / kind(s), 0)
+    y: Array = np.where(d > t, w * np.power(1 - np.power(w, kind(p)), kind(-1 / p)) * kind(s) + kind(t), d)
+    return y
+
+
+@lru_cache(maxsize=64)
+def _ends(p: Parameters) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Where expand's tangents start, and their slopes."""
+    lasts, slopes = [], []
+    for t, s in zip(p.threshold, p.scales, strict=True):
+        u = (FARTHEST - t) / s
+        lasts.append(float(compressed(np.array(FARTHEST), t, s, p.power)))
+        slopes.append((1 + u**p.power) ** (1 + 1 / p.power))
+    return tuple(lasts), tuple(slopes)
+
+
+# ------------------------------------------------------------------------------------------------------ declaration
+
+
+def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
+    image, flaws = facts["image"], []
+    if image.channels - (image.alpha is not Alpha.NONE) < 3:
+        flaws.append(Flaw("/inputs/image", "must have 3 colour channels"))
+    if p.peak is not None and p.moves:
+        flaws.append(Flaw("/parameters/peak", f"applies to clip and report only (action={p.action})"))
+    steepest = max(_ends(p)[1]) if p.action is Action.EXPAND else 0.0
+    if steepest > 1e5:
+        flaws.append(Flaw("/parameters/power", f"the inverse's slope would reach {steepest:.2g}, more than 1e5"))
+    return flaws
+
+
+def _gain(matrix: Array) -> float:
+    return float(np.abs(matrix).sum(axis=1).max())
+
+
+def _steepest(p: Parameters) -> float:
+    """How much larger a change may become between the matrices: |f| and d f' are at most t + s."""
+    far = max(t + s for t, s in zip(p.threshold, p.scales, strict=True))
+    if p.action is Action.CLIP:
+        return 1.0
+    if p.action is Action.COMPRESS:
+        return 3 + 2 * far
+    return (3 + 2 * FARTHEST) * max(_ends(p)[1])
+
+
+def _magnitude(p: Parameters, facts: Facts) -> float:
+    """The largest value after the action, in the target's primaries."""
+    far = _gain(_matrices(p.source, p.target)[0]) * facts.extent.magnitude
+    return min(far * (1.0 if p.action is Action.CLIP else _steepest(p)), FLOAT_MAX)
+
+
+def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    """Roundings of the action relative to the largest value, magnified by its steepness; matrices add theirs."""
+    image = facts["image"]
+    if p.action is Action.REPORT:
+        return Error(0.0, "bound")
+    there, back = _matrices(p.source, p.target)
+    far, made, turned = image.extent.magnitude, _magnitude(p, image), p.source is not p.target
+    before = 5 * ROUNDING * _gain(there) * far if turned else 0.0
+    own = 0.0 if p.action is Action.CLIP else 24 * ROUNDING * _gain(there) * far * _steepest(p)
+    after = before * _steepest(p) + own
+    value = _gain(back) * (after + 5 * ROUNDING * made) if turned else after
+    value = min(value, FLOAT_MAX)
+    return Error(value, "estimate", value)
+
+
+def _result(p: Parameters, facts: InputFacts) -> Facts:
+    image = facts["image"]
+    if p.action is Action.REPORT:
+        return Facts(image.height, image.width, 1, extent=Extent(0.0, 1.0, 0))
+    far = _gain(_matrices(p.source, p.target)[1]) * _magnitude(p, image) + _error(p, 0.0, facts).value
+    far = max(far, image.extent.magnitude)
+    low = 0.0 if p.action is Action.CLIP and p.source is p.target and image.channels == 3 else -far
+    overflow = far >= FLOAT_MAX or image.extent.nonfinite
+    extent = Extent(max(low, -FLOAT_MAX), min(far, FLOAT_MAX), image.samples if overflow else 0)
+    return dataclasses.replace(image, extent=extent)
+
+
+def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
+    if p.action is Action.REPORT:
+        return float(error > 0)
+    there, back = _matrices(p.source, p.target)
+    whole = max(_gain(back) * _steepest(p) * _gain(there), 1.0)
+    image = facts["image"]
+    if image.alpha is Alpha.NONE:
+        return min(whole * error, FLOAT_MAX)
+    far = image.extent.magnitude
+    return min(whole * (1 + far) * error + _result(p, facts).extent.magnitude * error, FLOAT_MAX)
+
+
+def _blue() -> dict[str, Any]:
+    """A saturated blue out of the gamut, black, white, and next to black what would overflow."""
+    values = [[0.1, -0.3, 2.0], [0, 0, 0], [1, 1, 1], [1e-38, -1e3, 0], [-1, -2, -0.5], [0.2, 0.4, 0.3]]
+    return {"image": np.array(values, np.float32).reshape(1, -1, 3)}
+
+
+def _tamed(inputs: Mapping[str, Any], pixels: Array) -> str | None:
+    got = pixels.reshape(-1, 3)
+    top = inputs["image"].reshape(-1, 3).max(axis=1)
+    fine = np.isfinite(got).all() and np.allclose(got.max(axis=1), top, atol=1e-6)
+    kept = np.allclose(got[[1, 2, 5]], inputs["image"].reshape(-1, 3)[[1, 2, 5]], atol=1e-6)
+    inside = bool((got[0] >= -0.11 * 2).all()) and got[3].min() > -1e-30
+    return None if fine and kept and inside else f"got {got.tolist()}"
+
+
+def _spoilt(inputs: Mapping[str, Any], pixels: Array) -> str | None:
+    got = pixels.reshape(-1, 3)
+    return None if np.isnan(got[0]).all() and np.isfinite(got[1]).all() else f"got {got.tolist()}"
+
+
+gamut = Operation(
+    name="gamut",
+    family="colour",
+    summary="Clips or compresses colours into a gamut, expands them again, or reports what lies outside.",
+    description=__doc__ or "",
+    parameters=Parameters,
+    inputs=(Input("image", "the picture; channels after the third pass unchanged", channels=(3, None)),),
+    light=Light.LINEAR,
+    footprint=lambda p, facts: POINTWISE,
+    result=_result,
+    propagate=_propagate,
+    wants_alpha=Alpha.STRAIGHT,
+    check=_check,
+    examples=(
+        {"action": "compress"},
+        {"action": "clip", "source": "bt2020"},
+        {"action": "report", "source": "p3_d65", "peak": 1.0},
+        {"action": "expand", "source": "ap1", "target": "ap1"},
+    ),
+    hard_cases=(
+        HardCase(
+            name="blue light outside, and black beside it",
+            why="the distance from the largest channel is a quotient that black makes infinite",
+            inputs=_blue,
+            parameters={"action": "compress"},
+            holds=_tamed,
+        ),
+        HardCase(
+            name="NaN in one channel",
+            why="a maximum that drops NaN makes the other channels colours of nothing",
+            inputs=lambda: {"image": np.array([[[np.nan, 0.5, 0.1], [0.2, 0.1, -0.4]]], np.float32)},
+            parameters={"action": "compress"},
+            holds=_spoilt,
+        ),
+    ),
+)
+
+# ------------------------------------------------------------------------------------------------------------ bodies
+
+
+def _turned(x: Array, matrix: Array) -> Array:
+    """Every pixel's first three channels times a matrix, term by term: the same in truth and in the report."""
+    m = matrix.astype(x.dtype)
+    rows = [(x[..., 0] * m[r, 0] + x[..., 1] * m[r, 1]) + x[..., 2] * m[r, 2] for r in range(3)]
+    return np.stack(rows, axis=-1)
+
+
+def _acted(x: Array, p: Parameters) -> Array:
+    """The action on linear RGB of the target, in the precision of x."""
+    if p.action is Action.CLIP:
+        held = np.where(x < 0, x.dtype.type(0), x)
+        return held if p.peak is None else np.where(held > p.peak, x.dtype.type(p.peak), held)
+    top = np.max(x, axis=-1)
+    size = np.abs(top)
+    lasts, slopes = _ends(p)
+    made = np.empty_like(x)
+    for c, (t, s) in enumerate(zip(p.threshold, p.scales, strict=True)):
+        below = top - x[..., c]
+        d = below / np.where(size == 0, x.dtype.type(1), size)
+        if p.action is Action.COMPRESS:
+            y = np.where(size == 0, top, top - compressed(d, t, s, p.power) * size)
+        else:
+            last, slope = x.dtype.type(lasts[c]), x.dtype.type(slopes[c])
+            beyond = (top - size * x.dtype.type(FARTHEST)) - slope * (below - size * last)
+            y = np.where((d > last) | (size == 0), beyond, top - expanded(d, t, s, p.power) * size)
+        made[..., c] = np.where(np.isnan(below), below, y)
+    return made
+
+
+def _outside(x: Array, p: Parameters) -> Array:
+    """By channel, of float64 linear RGB of the source. NaN is outside nothing."""
+    y = _turned(x[..., :3], _matrices(p.source, p.target)[0]) if p.source is not p.target else x[..., :3]
+    above = np.zeros(y.shape, bool) if p.peak is None else y > p.peak
+    return (y < 0) | above
+
+
+def evaluate(image: Image, p: Parameters, dtype: type[np.floating]) -> Array:
+    """The definition in `dtype`, in blocks; the report always in float64, so that every method draws the same line."""
+    flat = image.pixels.reshape(-1, image.channels)
+    there, back = _matrices(p.source, p.target)
+    channels = 1 if p.action is Action.REPORT else image.channels
+    out = aligned_empty((image.height, image.width, channels), dtype)
+    made = out.reshape(-1, channels)
+    with np.errstate(all="ignore"):
+        for start in range(0, len(flat), BLOCK):
+            block, into = flat[start : start + BLOCK], made[start : start + BLOCK]
+            if p.action is Action.REPORT:
+                into[:, 0] = _outside(block.astype(np.float64), p).any(axis=-1)
+                continue
+            x = block[:, :3].astype(dtype)
+            if p.source is p.target:
+                into[:, :3] = _acted(x, p)
+            else:
+                into[:, :3] = _turned(_acted(_turned(x, there), p), back)
+            into[:, 3:] = block[:, 3:]
+    return out
+
+
+@gamut.truth
+def truth(inputs: Inputs, p: Parameters) -> Array:
+    return evaluate(inputs["image"], p, np.float64)
+
+
+@gamut.findings
+def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
+    """Of the picture as it came: shares of its pixels."""
+    x = inputs["image"].pixels.reshape(-1, inputs["image"].channels)[:, :3].astype(np.float64)
+    with np.errstate(all="ignore"):
+        y = _turned(x, _matrices(p.source, p.target)[0]) if p.source is not p.target else x
+        top = y.max(axis=-1)
+        distance = np.where(top[:, np.newaxis] != 0, (top[:, np.newaxis] - y) / np.abs(top)[:, np.newaxis], 0.0)
+    outside = _outside(x, p)
+    known = distance[np.isfinite(distance).all(axis=-1)]
+    return {
+        "outside": float(outside.any(axis=-1).mean()),
+        "outside_by_channel": [float(share) for share in outside.mean(axis=0)],
+        "distance": float(known.max()) if known.size else None,
+    }
+
+
+def _launch(device: Device, image: Image, p: Parameters) -> Array:
+    pixels = image.height * image.width
+    source = aligned(image.pixels)
+    out = aligned_empty(source.shape)
+    there, back = _matrices(p.source, p.target)
+    lasts, slopes = _ends(p)
+    numbers = [*there.reshape(-1), *back.reshape(-1), p.peak or 0.0, p.power, *lasts, *slopes, *p.threshold, *p.scales]
+    defines: dict[str, int | float | str] = {
+        "IN": image.channels, "OUT": image.channels, "READ": 3, "MADE": 3, "PEAKED": int(p.peak is not None),
+        "ACTION": list(Action).index(p.action), "TURNED": int(p.source is not p.target),
+    }  # fmt: skip
+    with device.session() as session:
+        session.launch(
+            "colour/gamut.cl", "gamut", (-(-pixels // 16),),
+            source, session.write(out), aligned(np.array(numbers, np.float32)), np.int32(pixels),
+            defines=defines,
+        )  # fmt: skip
+    return out
+
+
+@gamut.method(
+    "exact",
+    error=_error,
+    work=lambda p, knob, facts: facts["image"].pixels * (8.0 if p.moves else 1.0),
+    rates={"opencl": Rate(3e-4, 1.2e-9), "numpy": Rate(1e-4, 3e-8)},
+)
+class Exact:
+    """The action in float32, sixteen pixels at a time; the report in float64."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        if parameters.action is Action.REPORT:
+            return Exact.numpy(inputs, parameters, knob)
+        return _launch(device, inputs["image"], parameters)
+
+    @staticmethod
+    def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return evaluate(inputs["image"], parameters, np.float32)
