@@ -47,6 +47,41 @@ STEP float16 bt2020_signal(float16 a)
     return a < 0.018053968510807f ? a * 4.5f : y;
 }
 
+#define PQ_Q 0.1640625f
+#define PQ_C3 18.6875f
+#define PQ_LIMIT 1.9920601f
+#define PQ_CEILING 1.8396068f
+
+// Signal to light, 1 at 203 cd/m2: w = expm1(ln N / m2), light ((q + w) / (q - c3 w))^(1/m1). See transfer's curves.py.
+STEP float16 pq_light(float16 a)
+{
+    float16 n = a > PQ_CEILING ? (float16)(PQ_CEILING) : a;
+    float16 v = num_log2(n) * 0.008791403f;  // ln 2 / m2
+    v = v < -0.2f ? (float16)(-0.2f) : v;    // signal 1.4e-7, below black
+    float16 p = fma(v, (float16)(1.0f / 5040.0f), (float16)(1.0f / 720.0f));
+    p = fma(v, p, (float16)(1.0f / 120.0f));
+    p = fma(v, p, (float16)(1.0f / 24.0f));
+    p = fma(v, p, (float16)(1.0f / 6.0f));
+    p = fma(v, p, (float16)(0.5f));
+    float16 w = fma(v * v, p, v), above = PQ_Q + w;
+    float16 ratio = above / fma(w, (float16)(-PQ_C3), (float16)(PQ_Q));
+    float16 y = num_pow(ratio, (float16)(6.277394636f)) * 49.26108374f;
+    y = above <= 0.0f ? (float16)(0.0f) : y;
+    return a < INFINITY ? y : a;
+}
+
+// Light to signal: p = Y^m1, log2 N = (2 m2 / ln 2) atanh(s).
+STEP float16 pq_signal(float16 a)
+{
+    float16 p = num_pow_fast(a, (float16)(0.1593017578125f)) * 0.537503311f;  // (203 / 10000)^m1
+    float16 s = PQ_Q * (p - 1.0f) / fma(p, (float16)(2.0f * PQ_C3 + PQ_Q), (float16)(2.0f - PQ_Q));
+    float16 z = s * s;
+    float16 q = fma(z, (float16)(1.0f / 7.0f), (float16)(0.2f));
+    q = fma(z, q, (float16)(1.0f / 3.0f));
+    float16 y = num_exp2(fma(s * z, q, s) * 227.494974f);
+    return a == INFINITY ? (float16)(PQ_LIMIT) : y;
+}
+
 // The cube root of x >= 0 without a division. With y near x^(-1/3), whose bits are a third of those of x, and
 // e = 1 - x y^3, it is x y^2 (1 - e)^(-2/3); a first step, y (1 - e)^(-1/3), brings e from 0.1 to 1e-4 or less. Denormals
 // count as 0. [2^-120, 2^120]: 0.88 ULP, mean 0.27.
@@ -77,6 +112,8 @@ EACH(srgb_decode, copysign(srgb_light(a), x))
 EACH(srgb_encode, copysign(srgb_signal(a), x))
 EACH(bt2020_decode, copysign(bt2020_light(a), x))
 EACH(bt2020_encode, copysign(bt2020_signal(a), x))
+EACH(pq_decode, copysign(pq_light(a), x))
+EACH(pq_encode, copysign(pq_signal(a), x))
 EACH(power, copysign(num_pow_fast(a, (float16)(k[0])), x))
 EACH(cube, x * x * x)
 EACH(cube_root, copysign(fast_cube_root(a), x))

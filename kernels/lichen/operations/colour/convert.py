@@ -8,7 +8,9 @@ Scales: RGB, XYZ, CMY(K) and luminance have 1 at white; L* 100; Oklab 1; hues ar
 have colour differences about 0, and `narrow` the 8-bit codes 16 to 235 (240) over 255. HSV, HSL, CMY, CMYK, YIQ and
 YCbCr of BT.601 and BT.709 are of sRGB's values, as files hold them; YCbCr of BT.2020 of that standard's. CMYK is the
 simple model: black is what the three inks have in common. XYZ, xyY, L*a*b*, L*u*v*, LCh and luminance are relative to
-`white`; RGB spaces and Oklab have their own. Between whites colours are adapted, unless `adaptation` is none.
+`white`; RGB spaces and Oklab have their own. Luminance is Y, what cones see; luminance_scotopic what rods see, a
+weighted sum of X, Y and Z that is 1 at white, too. bt2100_pq is BT.2020's light as a signal of SMPTE ST 2084, with
+linear 1 at 203 cd/m2. Between whites colours are adapted, unless `adaptation` is none.
 
 Beyond the standards' domains nothing is clipped. Curves are mirrored for negative values (f(-x) = -f(x)); the line of
 lightness near black goes on. Grey has hue 0, and so has what is as good as grey (a range of 2^-20 in HSV and HSL, a
@@ -103,7 +105,7 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     colours = image.channels - (image.alpha is not Alpha.NONE)
     if colours < source.channels:
         return [Flaw("/inputs/image", f"has {colours} colour channel(s), and {source} has {source.channels}")]
-    if source is Model.LUMINANCE and colours > 2:
+    if source.channels == 1 and colours > 2:
         return [Flaw("/inputs/image", f"has {colours} colour channels, and {source} has 1")]
     return []
 

@@ -5,12 +5,12 @@ A conversion climbs from the source to the first ancestor it shares with the tar
 two may differ in their white, and an adaptation lies between. Neighbouring matrices are multiplied in float64.
 
     hsv hsl yiq ycbcr_601 ycbcr_709 cmy cmyk  ->  srgb  ->  linear_bt709  ->  xyz (D65)
-    ycbcr_2020  ->  bt2020  ->  linear_bt2020  ->  xyz (D65)     display_p3, dci_p3, adobe_rgb: through linear light
-    oklch  ->  oklab  ->  xyz (D65)          lch  ->  lab  ->  xyz          xyy luv luminance  ->  xyz
+    ycbcr_2020  ->  bt2020  ->  linear_bt2020  ->  xyz (D65)     bt2100_pq, display_p3, ...: through linear light
+    oklch  ->  oklab  ->  xyz (D65)          lch  ->  lab  ->  xyz   xyy luv luminance luminance_scotopic  ->  xyz
 
 Sources: IEC 61966-2-1; ITU-R BT.601-7, BT.709-6, BT.2020-2; SMPTE RP 431-2, EG 432-1; Adobe RGB (1998); SMPTE ST
 2065-1; AMPAS S-2014-004; CIE 15:2004; SMPTE 170M (YIQ); B. Ottosson, A perceptual color space for image
-processing, 2020.
+processing, 2020; S. Pattanaik et al., A multiscale model of adaptation and spatial vision, SIGGRAPH 1998 (rods).
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ class Model(StrEnum):
     LINEAR_BT709 = "linear_bt709"
     BT2020 = "bt2020"
     LINEAR_BT2020 = "linear_bt2020"
+    BT2100_PQ = "bt2100_pq"
     DISPLAY_P3 = "display_p3"
     LINEAR_P3 = "linear_p3"
     DCI_P3 = "dci_p3"
@@ -63,15 +64,17 @@ class Model(StrEnum):
     CMY = "cmy"
     CMYK = "cmyk"
     LUMINANCE = "luminance"
+    LUMINANCE_SCOTOPIC = "luminance_scotopic"
 
     @property
     def channels(self) -> int:
-        return {Model.CMYK: 4, Model.LUMINANCE: 1}.get(self, 3)
+        return {Model.CMYK: 4, Model.LUMINANCE: 1, Model.LUMINANCE_SCOTOPIC: 1}.get(self, 3)
 
     @property
     def relative(self) -> bool:
         """Whether it is defined for any white."""
-        return self in (Model.XYZ, Model.XYY, Model.LAB, Model.LCH, Model.LUV, Model.LUMINANCE)
+        relative = (Model.XYZ, Model.XYY, Model.LAB, Model.LCH, Model.LUV, Model.LUMINANCE, Model.LUMINANCE_SCOTOPIC)
+        return self in relative
 
     @property
     def polar(self) -> bool:
@@ -90,12 +93,16 @@ LINEARS = {
 ENCODED: dict[Model, tuple[Model, Scalar, Scalar]] = {
     Model.SRGB: (Model.LINEAR_BT709, stages.SRGB_DECODE, stages.SRGB_ENCODE),
     Model.BT2020: (Model.LINEAR_BT2020, stages.BT2020_DECODE, stages.BT2020_ENCODE),
+    Model.BT2100_PQ: (Model.LINEAR_BT2020, stages.PQ_DECODE, stages.PQ_ENCODE),
     Model.DISPLAY_P3: (Model.LINEAR_P3, stages.SRGB_DECODE, stages.SRGB_ENCODE),
     Model.DCI_P3: (Model.LINEAR_DCI_P3, stages.power(2.6), stages.power(1 / 2.6)),
     Model.ADOBE_RGB: (Model.LINEAR_ADOBE_RGB, stages.power(563 / 256), stages.power(256 / 563)),
 }
 LUMA = {601: (0.299, 0.114), 709: (0.2126, 0.0722), 2020: (0.2627, 0.0593)}
 """Shares of red and blue in luma, as the standards print them."""
+RODS = np.array([-0.702, 1.039, 0.433])
+"""Of X, Y and Z in what rods see, V': the linear regression of the CIE 1951 scotopic curve on the colour matching
+functions. Of spectra, not of three numbers, rods make a little more of red."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +193,9 @@ def _link(model: Model, white: White) -> Link:
             return Link(Model.XYZ, (coordinates.from_luv(white.xyz),), (coordinates.luv(white.xyz),))
         case Model.LUMINANCE:
             return Link(Model.XYZ, (Linear.of(white.xyz[:, np.newaxis]),), (Linear.of(np.array([[0, 1, 0]])),))
+        case Model.LUMINANCE_SCOTOPIC:
+            rods = RODS / (RODS @ white.xyz)
+            return Link(Model.XYZ, (Linear.of(white.xyz[:, np.newaxis]),), (Linear.of(rods[np.newaxis]),))
         case Model.HSV:
             return Link(Model.SRGB, (coordinates.FROM_HSV,), (coordinates.HSV,))
         case Model.HSL:

@@ -71,6 +71,8 @@ class Scalar:
     exponent: float = 1.0
     """passed to the kernel"""
     roundings: float = 14.0
+    rough: bool = False
+    """whether small results keep no relative error: those of a steep foot"""
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -97,7 +99,10 @@ class Scalar:
         made = []
         for doubt, interval in zip(given, intervals, strict=True):
             far, by = size(interval), doubt.absolute + TINY
-            if self.odd:
+            if self.rough:
+                top = self.at(far + doubt.at(interval) + TINY)
+                made.append(Doubt(0.0, 1.01 * (top - self.at(far)) + own * top))
+            elif self.odd:
                 step = self.at(far + by) - self.at(far) if self.convex else 2 * self.at(by / 2)
                 more = 0.5 * ROUNDING * self.exponent * abs(math.log(max(far, 1.0)))  # of the exponent, in NumPy
                 made.append(Doubt(self.elasticity * doubt.relative + own + more, 1.01 * step + by))
@@ -138,6 +143,31 @@ def _bt2020_encode(x: Array) -> Array:
     return y.astype(x.dtype, copy=False)
 
 
+PQ_M1, PQ_M2, PQ_C3, PQ_Q = 2610 / 16384, 2523 / 32, 2392 / 128, 21 / 128
+"""SMPTE ST 2084; q = 1 - c1 = c2 - c3, from which both differences in the quotient start, so that nothing cancels"""
+PQ_WHITE = 203 / 10000
+"""Linear 1 over the peak: graphics white of ITU-R BT.2408"""
+PQ_CEILING = 1.8396067811
+"""The signal of 1e10 cd/m2, where decoding saturates; the curve has a pole at 1.992"""
+
+
+def _pq_decode(x: Array) -> Array:
+    kind = x.dtype.type
+    w = np.expm1(np.log(np.minimum(x, kind(PQ_CEILING))) * kind(1 / PQ_M2))
+    ratio = np.maximum(kind(PQ_Q) + w, 0) / (kind(PQ_Q) - kind(PQ_C3) * w)
+    y: Array = np.where(np.isinf(x), x, np.power(ratio, kind(1 / PQ_M1)) * kind(1 / PQ_WHITE))
+    return y
+
+
+def _pq_encode(x: Array) -> Array:
+    kind = x.dtype.type
+    p = np.power(x, kind(PQ_M1)) * kind(PQ_WHITE**PQ_M1)
+    share = kind(PQ_Q) * (p - 1) / (1 + kind(PQ_C3) * p)
+    share = np.where(np.isinf(x), kind(PQ_Q / PQ_C3), share)
+    y: Array = np.exp(kind(PQ_M2) * np.log1p(share))
+    return y
+
+
 BEND = 6 / 29
 """Of CIE 1976 lightness: above BEND^3 a cube root, below it the line that continues it."""
 
@@ -156,6 +186,8 @@ SRGB_DECODE = Scalar("srgb_decode", _srgb_decode, 2.4, True)
 SRGB_ENCODE = Scalar("srgb_encode", _srgb_encode, 1.0, False)
 BT2020_DECODE = Scalar("bt2020_decode", _bt2020_decode, 1 / 0.45, True)
 BT2020_ENCODE = Scalar("bt2020_encode", _bt2020_encode, 1.0, False)
+PQ_DECODE = Scalar("pq_decode", _pq_decode, 1.0, True, roundings=60, rough=True)
+PQ_ENCODE = Scalar("pq_encode", _pq_encode, 1.0, False, roundings=40)
 CUBE = Scalar("cube", lambda x: x * x * x, 3.0, True, roundings=4)
 CBRT = Scalar("cube_root", np.cbrt, 1 / 3, False, roundings=4)
 LIGHTNESS = Scalar("lightness", _lightness, 0.0, False, odd=False, roundings=4)
