@@ -133,6 +133,11 @@ CASES = (
         _close((-0.72967, -0.72967, -0.72967), (0.72967, 0.72967, 0.72967)),
     ),
     HardCase(
+        "pq at no light, at its peak, of negative light and of NaN", "a quotient of infinities, and a power of NaN",
+        _row((0, 10000 / 203, -10000 / 203), (NAN, INF, 1)), _from("linear_bt2020", "bt2100_pq"),
+        _close((7.31e-7, 1, -1), (NAN, 1.99206, 0.58069)),
+    ),
+    HardCase(
         "light beyond float32's range on the way", "1e30 decodes to 1e72, whose lightness float32 can hold",
         _row((1e30, 1e30, 1e30)), _from("srgb", "xyy"), _close((0.3127, 0.329, INF)), methods=("double",),
     ),
