@@ -213,6 +213,9 @@ def _known(inputs: Mapping[str, Any], pixels: Array) -> str | None:
     return None if fine else f"NaN must stay, and grey be grey: got {got.tolist()}"
 
 
+ACES = "ocio://cg-config-v1.0.0_aces-v1.3_ocio-v2.1"
+"""A configuration that every OpenColorIO 2 brings: what ocio://default is changes with its version."""
+
 ocio = Operation(
     name="ocio",
     family="colour",
@@ -227,8 +230,8 @@ ocio = Operation(
     wants_alpha=Alpha.STRAIGHT,
     check=_check,
     examples=(
-        {"source": "ACEScg", "target": "ACEScct"},
-        {"source": "ACEScg", "display": "sRGB - Display", "view": "ACES 1.0 - SDR Video"},
+        {"config": ACES, "source": "ACEScg", "target": "ACEScct"},
+        {"config": ACES, "source": "ACEScg", "display": "sRGB - Display", "view": "ACES 1.0 - SDR Video"},
     ),
     hard_cases=(
         HardCase(

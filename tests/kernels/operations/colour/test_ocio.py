@@ -102,3 +102,8 @@ def test_names_and_combinations_are_checked_all_at_once() -> None:
     assert set(refused(config=CONFIG, display="screen")) == {"/parameters/view"}
     assert set(refused(config=CONFIG, display="screen", view="flim")) == {"/parameters/view"}
     assert set(refused(config=CONFIG, target="out", looks="wram")) == {"/parameters/looks"}
+
+
+@pytest.mark.parametrize("example", lichen.operations()["ocio"].examples)
+def test_examples_are_taken(example: dict[str, str]) -> None:
+    assert np.isfinite(run(**example)).all()
