@@ -56,7 +56,9 @@ SPLITTER = np.float32(4097)
 
 
 class Parameters(OperationParameters):
-    weights: Annotated[tuple[Annotated[float, Field(ge=-1e6, le=1e6)], ...], Field(min_length=1, max_length=MOST)] | None = None
+    weights: (
+        Annotated[tuple[Annotated[float, Field(ge=-1e6, le=1e6)], ...], Field(min_length=1, max_length=MOST)] | None
+    ) = None
     """one for each image, in their order; a mean unless given"""
 
     def of(self, names: Mapping[str, object]) -> dict[str, float]:
@@ -119,7 +121,9 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
 
 def _identity(p: Parameters, facts: InputFacts) -> str | None:
     others = [weight for name, weight in p.of(facts).items() if name != NAMES[0]]
-    return "the first image's weight is 1 and no other has any" if p.of(facts)[NAMES[0]] == 1 and not any(others) else None
+    return (
+        "the first image's weight is 1 and no other has any" if p.of(facts)[NAMES[0]] == 1 and not any(others) else None
+    )
 
 
 def _cancelling() -> Mapping[str, Any]:

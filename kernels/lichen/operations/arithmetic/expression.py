@@ -93,7 +93,9 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     for term in dict.fromkeys(each for each in p.terms if each.name == "image" and each.image in facts):
         has = facts[term.image].channels
         if term.channel is not None and term.channel >= has:
-            flaws.append(Flaw("/parameters/expression", f"reads channel {term.channel} of {term.image}, which has {has}"))
+            flaws.append(
+                Flaw("/parameters/expression", f"reads channel {term.channel} of {term.image}, which has {has}")
+            )
         elif term.channel is None and has not in (1, wanted):
             flaws.append(Flaw("/parameters/expression", f"{term.image} has {has} channels where {wanted} are wanted"))
     return flaws
@@ -271,7 +273,9 @@ def compiled(p: Parameters, channels: Mapping[str, int], out: int) -> Program:
     load = []
     for name in used:
         count = 1 if flat else channels[name]
-        load.append(f"float16 v{name}[{max(count, 4)}]; planes_load({name} + first * {count}, {count}, {count}, count, v{name});")
+        load.append(
+            f"float16 v{name}[{max(count, 4)}]; planes_load({name} + first * {count}, {count}, {count}, count, v{name});"
+        )
     pairs = [(0, p.results[0])] if flat else list(enumerate(p.results * (out if len(p.results) == 1 else 1)))
     results = " ".join(f"y[{at}] = {text(each, at)};" for at, each in pairs)
     return Program(flat, " ".join(load), results, tuple(numbers))

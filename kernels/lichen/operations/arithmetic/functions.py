@@ -110,7 +110,9 @@ def _stepped(rule: Callable[[float], float]) -> Callable[[Known], Known]:
 
 def _root(x: Known) -> Known:
     if x.bottom < 0:
-        return Known(0, math.sqrt(max(x.high, 0)), FAR if x.error else U * math.sqrt(max(x.high, 0)), x.error == 0 and x.sure)
+        return Known(
+            0, math.sqrt(max(x.high, 0)), FAR if x.error else U * math.sqrt(max(x.high, 0)), x.error == 0 and x.sure
+        )
     error = min(math.sqrt(x.error), x.error / (math.sqrt(x.bottom) or 1e-300) if x.error else 0.0)
     return limited(math.sqrt(x.low), math.sqrt(x.high), error + U * (math.sqrt(x.high) + error), x.sure)
 

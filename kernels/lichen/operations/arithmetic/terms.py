@@ -128,7 +128,11 @@ def _refusal(node: ast.AST) -> str:
         return f"has the unknown name {node.id[:40]!r}; known: {known}"
     if isinstance(node, ast.Attribute):
         return f"has no {node.attr[:40]!r}; images have the channels r, g, b, a and [0], [1], ..."
-    return f"may not hold {type(node).__name__}" if not isinstance(node, ast.Constant) else "holds a value that is no number"
+    return (
+        f"may not hold {type(node).__name__}"
+        if not isinstance(node, ast.Constant)
+        else "holds a value that is no number"
+    )
 
 
 def _call(name: str, given: list[Term]) -> Term:

@@ -56,7 +56,14 @@ from lichen.operation import (
     OperationParameters,
     Rate,
 )
-from lichen.operations.compositing.blending import Blend, Operator, base_factor, composited, image_factor, linear_factors
+from lichen.operations.compositing.blending import (
+    Blend,
+    Operator,
+    base_factor,
+    composited,
+    image_factor,
+    linear_factors,
+)
 from lichen.operations.compositing.composite_cases import CASES
 from lichen.operations.compositing.layers import FLOAT_MAX, colours, placed, row_blocks, same_size, split
 
@@ -294,7 +301,9 @@ def _joined(image: Image, base: Image, weights: Array | None, p: Parameters, cov
 
 def _facts(inputs: Inputs) -> InputFacts:
     """All that coverage depends on."""
-    return {name: Facts(each.height, each.width, each.channels, each.space, each.alpha) for name, each in inputs.items()}
+    return {
+        name: Facts(each.height, each.width, each.channels, each.space, each.alpha) for name, each in inputs.items()
+    }
 
 
 @composite.truth

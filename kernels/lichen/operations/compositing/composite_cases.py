@@ -48,7 +48,11 @@ def _bright() -> Mapping[str, Any]:
 
 
 def _grey(inputs: Mapping[str, Any], pixels: Array) -> str | None:
-    fine = np.isfinite(pixels).all() and np.allclose(pixels[0, 0], 3) and abs(pixels[0, 1] @ [0.2126, 0.7152, 0.0722] - 0.5) < 1e-6
+    fine = (
+        np.isfinite(pixels).all()
+        and np.allclose(pixels[0, 0], 3)
+        and abs(pixels[0, 1] @ [0.2126, 0.7152, 0.0722] - 0.5) < 1e-6
+    )
     return None if fine else f"got {pixels.tolist()}"
 
 

@@ -66,7 +66,12 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     image, base = facts["image"], facts["base"]
     flaws = same_size(facts, "image", "base", "pattern")
     if (image.channels, image.alpha is Alpha.NONE) != (base.channels, base.alpha is Alpha.NONE):
-        flaws.append(Flaw("/inputs/base", f"has {base.channels} channels, alpha {base.alpha}; the image {image.channels}, {image.alpha}"))
+        flaws.append(
+            Flaw(
+                "/inputs/base",
+                f"has {base.channels} channels, alpha {base.alpha}; the image {image.channels}, {image.alpha}",
+            )
+        )
     if 0 < p.softness < 1e-3:
         flaws.append(Flaw("/parameters/softness", f"must be 0, or 0.001 at least (got {p.softness:g})"))
     return flaws

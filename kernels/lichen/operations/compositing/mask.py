@@ -142,7 +142,14 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     written = image.extent.low if p.write is Write.IMAGE else p.value
     counter = facts["counter"].extent if "counter" in facts else Extent(0.0, 0.0, 0)
     below = min(counter.low, written, p.most - counter.high if Step.INVERT in (p.on_pass, p.on_fail) else 0.0, 0.0)
-    return Facts(image.height, image.width, 1, Space.DATA, Alpha.NONE, Extent(max(below * (1 + 1e-6) - 1e-30, -FLOAT_MAX), most, bad))
+    return Facts(
+        image.height,
+        image.width,
+        1,
+        Space.DATA,
+        Alpha.NONE,
+        Extent(max(below * (1 + 1e-6) - 1e-30, -FLOAT_MAX), most, bad),
+    )
 
 
 def _decals() -> Mapping[str, Any]:

@@ -114,7 +114,11 @@ outline = Operation(
     footprint=lambda p, facts: halo(math.floor(p.width)),
     result=_result,
     propagate=lambda p, facts, error: 1.0 if error else 0.0,
-    examples=({}, {"width": 3.5, "side": "outside", "jump": 0.3}, {"width": 2, "front": "smaller", "jump": 0.1, "side": "both"}),
+    examples=(
+        {},
+        {"width": 3.5, "side": "outside", "jump": 0.3},
+        {"width": 2, "front": "smaller", "jump": 0.1, "side": "both"},
+    ),
     hard_cases=(
         HardCase(
             name="a shape at the edge of the image, and a single pixel",

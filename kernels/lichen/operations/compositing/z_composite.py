@@ -96,7 +96,12 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     image, base = facts["image"], facts["base"]
     flaws = same_size(facts, "image", "depth", "base", "base_depth")
     if (image.channels, image.alpha is Alpha.NONE) != (base.channels, base.alpha is Alpha.NONE):
-        flaws.append(Flaw("/inputs/base", f"has {base.channels} channels, alpha {base.alpha}; the image {image.channels}, {image.alpha}"))
+        flaws.append(
+            Flaw(
+                "/inputs/base",
+                f"has {base.channels} channels, alpha {base.alpha}; the image {image.channels}, {image.alpha}",
+            )
+        )
     return flaws
 
 

@@ -145,7 +145,9 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     (low, high), slack = _ends(p, facts), _error(p, 0.0, facts).value
     channels = palette.channels if palette else 3
     spoilt = image.extent.nonfinite or (palette is not None and palette.extent.nonfinite)
-    extent = Extent(max(low - slack, -FLOAT_MAX), min(high + slack, FLOAT_MAX), image.pixels * channels if spoilt else 0)
+    extent = Extent(
+        max(low - slack, -FLOAT_MAX), min(high + slack, FLOAT_MAX), image.pixels * channels if spoilt else 0
+    )
     space, alpha = (palette.space, palette.alpha) if palette else (Space.SRGB, Alpha.NONE)
     return Facts(image.height, image.width, channels, space, alpha, extent)
 

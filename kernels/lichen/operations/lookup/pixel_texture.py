@@ -108,8 +108,13 @@ class Parameters(OperationParameters):
     """what is added to them"""
     before: Tables | None = None
     """tables before the matrix, of one length: one for all channels, or one for each"""
-    matrix: Annotated[tuple[Annotated[tuple[Number, ...], Field(min_length=1, max_length=MOST + 1)], ...],
-                      Field(min_length=1, max_length=MOST)] | None = None
+    matrix: (
+        Annotated[
+            tuple[Annotated[tuple[Number, ...], Field(min_length=1, max_length=MOST + 1)], ...],
+            Field(min_length=1, max_length=MOST),
+        ]
+        | None
+    ) = None
     """a row for each coordinate: factors of up to 4 channels; a fifth number is added"""
     after: Tables | None = None
     """tables after the matrix: one for all coordinates, or one for each"""
@@ -139,7 +144,10 @@ class Parameters(OperationParameters):
         else:
             for row, factors in enumerate(self.matrix):
                 matrix[row, : len(factors)] = factors
-        tables = [None if each is None else np.resize(np.array(each), (MOST, len(each[0]))) for each in (self.before, self.after)]
+        tables = [
+            None if each is None else np.resize(np.array(each), (MOST, len(each[0])))
+            for each in (self.before, self.after)
+        ]
         return Path(scale, bias, tables[0], matrix, tables[1], self.projective, self.dimensions)
 
     @property
@@ -232,9 +240,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     slack = over + _sums(p, facts)
     bad = image.pixels * texture.channels if image.extent.nonfinite or texture.extent.nonfinite else 0
     low, high = max(low - slack, -FLOAT_MAX), min(high + slack, FLOAT_MAX)
-    return dataclasses.replace(
-        texture, height=image.height, width=image.width, extent=Extent(low, high, bad)
-    )
+    return dataclasses.replace(texture, height=image.height, width=image.width, extent=Extent(low, high, bad))
 
 
 def _footprint(p: Parameters, facts: InputFacts) -> Footprint:

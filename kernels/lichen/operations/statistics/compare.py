@@ -34,7 +34,7 @@ from pydantic import Field
 
 from lichen.accuracy import colour, metrics
 from lichen.errors import Flaw
-from lichen.image import Alpha, Extent, Image, Space, Storage
+from lichen.image import Alpha, Extent, Space, Storage
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.operation import (
     POINTWISE,

@@ -62,7 +62,13 @@ Edge = Annotated[float, Field(ge=-1e30, le=1e30)]
 
 
 class Parameters(OperationParameters):
-    percentiles: Annotated[tuple[Annotated[float, Field(ge=0, le=100)], ...], Field(max_length=64)] = (1, 25, 50, 75, 99)
+    percentiles: Annotated[tuple[Annotated[float, Field(ge=0, le=100)], ...], Field(max_length=64)] = (
+        1,
+        25,
+        50,
+        75,
+        99,
+    )
     """percentiles to find, 0 to 100"""
     bins: int = Field(0, ge=0, le=4096)
     """how many equal ranges are counted; none unless given"""

@@ -128,7 +128,9 @@ def test_is_what_the_specification_says(backend: str) -> None:
         result = lichen.run(
             "composite", image, base=base, operator=operator, blend=mode, light="stored", device=backend, prune=False
         )
-        expected = np.array([[specified(operator, mode, *p) for p in zip(*rows, strict=True)] for rows in zip(top, ground, strict=True)])
+        expected = np.array(
+            [[specified(operator, mode, *p) for p in zip(*rows, strict=True)] for rows in zip(top, ground, strict=True)]
+        )
         assert result.image.alpha is Alpha.ASSOCIATED
         assert np.abs(result.image.pixels - expected).max() < 2e-5, (operator, mode)
 
@@ -184,7 +186,12 @@ def test_covered_pictures_keep_the_stated_error(backend: str, spread: tuple[floa
 def test_opaque_pictures_stay_without_coverage() -> None:
     picture = RNG.random((4, 5, 3)).astype(np.float32)
     for operator, covered in (("over", 3), ("atop", 3), ("plus", 3), ("in", 3), ("xor", 4), ("clear", 4)):
-        assert lichen.run("composite", picture, base=picture, operator=operator, device="numpy", prune=False).image.channels == covered
+        assert (
+            lichen.run(
+                "composite", picture, base=picture, operator=operator, device="numpy", prune=False
+            ).image.channels
+            == covered
+        )
     mask = np.zeros((4, 5, 1), np.float32)
     assert lichen.run("composite", picture, base=picture, mask=mask, operator="in").image.channels == 4
 

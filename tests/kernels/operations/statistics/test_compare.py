@@ -38,7 +38,10 @@ def test_straight_colour_counts_as_it_shows(backend: str) -> None:
     """Under no coverage no colour differs; the last channel is compared itself."""
     pictures = [Image(RNG.random((7, 23, 4)).astype(np.float32), Space.SRGB, Alpha.STRAIGHT) for _ in range(2)]
     result = lichen.run("compare", pictures[0], reference=pictures[1], map="signed", device=backend)
-    shown = [each.pixels.astype(np.float64) * np.append(np.repeat(each.pixels[..., 3:], 3, -1), np.ones((7, 23, 1)), -1) for each in pictures]
+    shown = [
+        each.pixels.astype(np.float64) * np.append(np.repeat(each.pixels[..., 3:], 3, -1), np.ones((7, 23, 1)), -1)
+        for each in pictures
+    ]
     assert result.image.alpha is Alpha.NONE
     assert np.abs(result.image.pixels - (shown[0] - shown[1])).max() < 2e-7
 
@@ -47,9 +50,7 @@ def test_colour_differences_agree_with_colour_science() -> None:
     images = [Image(each, Space.LINEAR) for each in (FIRST, SECOND)]
     result = lichen.run("compare", images[0], reference=images[1], map="ciede2000")
     white = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"]
-    labs = [
-        colour.XYZ_to_Lab(colour.RGB_to_XYZ(each.astype(np.float64), "sRGB"), white) for each in (FIRST, SECOND)
-    ]
+    labs = [colour.XYZ_to_Lab(colour.RGB_to_XYZ(each.astype(np.float64), "sRGB"), white) for each in (FIRST, SECOND)]
     expected = colour.delta_E(*labs, method="CIE 2000")
     assert np.abs(result.image.pixels[..., 0] - expected).max() < 0.05  # whites differ in the fourth digit
     assert result.findings["ciede2000"]["mean"] == pytest.approx(float(result.image.pixels.mean()), rel=1e-5)
@@ -88,4 +89,8 @@ def test_border_and_inside_are_told_apart() -> None:
 def test_flaws_are_named() -> None:
     with pytest.raises(InvalidRequest) as refused:
         lichen.run("compare", FIRST, reference=SECOND[:-1, :, :1], map="flip")
-    assert [flaw.pointer for flaw in refused.value.flaws] == ["/inputs/reference", "/inputs/reference", "/parameters/map"]
+    assert [flaw.pointer for flaw in refused.value.flaws] == [
+        "/inputs/reference",
+        "/inputs/reference",
+        "/parameters/map",
+    ]
