@@ -202,7 +202,7 @@ expression = Operation(
 
 def _evaluated(p: Parameters, images: Mapping[str, Array], top: int, height: int, dtype: npt.DTypeLike) -> Array:
     """The results for a block of rows that begins at `top`; (rows, width, channels)."""
-    kind = np.dtype(dtype).type
+    kind: Any = np.dtype(dtype).type
     rows, width = next(iter(images.values())).shape[:2]
     found: dict[Term, Any] = {}
 
@@ -274,7 +274,8 @@ def compiled(p: Parameters, channels: Mapping[str, int], out: int) -> Program:
     for name in used:
         count = 1 if flat else channels[name]
         load.append(
-            f"float16 v{name}[{max(count, 4)}]; planes_load({name} + first * {count}, {count}, {count}, count, v{name});"
+            f"float16 v{name}[{max(count, 4)}]; "
+            f"planes_load({name} + first * {count}, {count}, {count}, count, v{name});"
         )
     pairs = [(0, p.results[0])] if flat else list(enumerate(p.results * (out if len(p.results) == 1 else 1)))
     results = " ".join(f"y[{at}] = {text(each, at)};" for at, each in pairs)

@@ -1,8 +1,8 @@
 """An expression's text as a tree of terms. The text is parsed as Python's grammar has it and never run.
 
-Theory. `ast.parse` builds a tree without evaluating anything. Only the nodes named here are taken, everything else is an
-error that names it: there are no attributes but channels, no calls but of the functions in functions.py, no names but
-the images, the places and two numbers. Length, size and depth are limited before anything is computed.
+Theory. `ast.parse` builds a tree without evaluating anything. Only the nodes named here are taken, everything else is
+an error that names it: there are no attributes but channels, no calls but of the functions in functions.py, no names
+but the images, the places and pi. Length, size and depth are limited before anything is computed.
 
     numbers      1, 0.5, 1e-3, pi
     images       a, b, c, d: channel by channel; one of a single channel serves all channels

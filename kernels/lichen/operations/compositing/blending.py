@@ -87,7 +87,8 @@ def image_factor(operator: Operator, s: Array, b: Array) -> Array:
     if operator in (Operator.IN, Operator.ATOP):
         return b
     if operator in (Operator.DESTINATION_OVER, Operator.OUT, Operator.DESTINATION_ATOP, Operator.XOR):
-        return one - b
+        rest: Array = one - b
+        return rest
     if operator is Operator.SATURATE:
         room = np.maximum(one - b, 0)
         whole = np.where(np.isnan(b), b, one)
@@ -102,7 +103,8 @@ def base_factor(operator: Operator, s: Array) -> Array:
     if operator in (Operator.DESTINATION_IN, Operator.DESTINATION_ATOP):
         return s
     if operator in (Operator.OVER, Operator.DESTINATION_OUT, Operator.ATOP, Operator.XOR):
-        return s.dtype.type(1) - s
+        rest: Array = s.dtype.type(1) - s
+        return rest
     return np.zeros_like(s)
 
 
@@ -138,7 +140,8 @@ def _soft(cs: Array, a: Array, cb: Array, b: Array) -> Array:
     lit = np.where(4 * cb <= b, ((16 * x - 12) * x + 4) * cb, np.sqrt(cb) * np.sqrt(np.maximum(b, 0)))
     lit = np.where(cb <= 0, 4 * cb, lit)
     bend = np.where((cb > 0) & (cb < b), cb * (1 - x), np.zeros_like(x))
-    return cb * a + (2 * cs - a) * np.where(2 * cs <= a, bend, lit - cb)
+    made: Array = cb * a + (2 * cs - a) * np.where(2 * cs <= a, bend, lit - cb)
+    return made
 
 
 SEPARABLE: Mapping[Blend, Callable[[Array, Array, Array, Array], Array]] = {
@@ -170,7 +173,8 @@ def _relit(c: Array, l: Array, full: Array, weights: Sequence[float]) -> Array: 
     under, over, one = np.maximum(l, 0), np.maximum(full - l, 0), np.ones_like(l)
     scale = np.where(least < 0, part(1 / (l - least), under), one)
     scale = scale * np.where(most > full, part(1 / (most - l), over), one)
-    return l + (c - l) * scale
+    made: Array = l + (c - l) * scale
+    return made
 
 
 def _of_three(mode: Blend, cs: Array, a: Array, cb: Array, b: Array, weights: Sequence[float]) -> Array:

@@ -352,6 +352,6 @@ class Exact:
         covered = _covered(p, _facts(inputs))
         out = aligned_empty((base.height, base.width, base.colours + covered))
         for rows in row_blocks(base.height, base.width):
-            parts = (each.replace(pixels=each.pixels[rows]) for each in (image, base))
-            out[rows] = _joined(*parts, None if weights is None else weights[rows], p, covered)
+            top, ground = (each.replace(pixels=each.pixels[rows]) for each in (image, base))
+            out[rows] = _joined(top, ground, None if weights is None else weights[rows], p, covered)
         return out

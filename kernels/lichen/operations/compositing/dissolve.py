@@ -6,8 +6,8 @@ Truth: every pixel has a threshold T. With `amount` t and `softness` s,
     w = (t (1 + s) - T) / s, brought into [0, 1]      s > 0
     result = (1 - w) image + w base
 
-so amount 0 gives the image and 1 the base, wholly. It is monotone: what has turned stays so as the amount grows. T is an
-input of one channel, a wipe or any other pattern in [0, 1], or else white noise in [0, 1) from a hash of place and
+so amount 0 gives the image and 1 the base, wholly. It is monotone: what has turned stays so as the amount grows. T is
+an input of one channel, a wipe or any other pattern in [0, 1], or else white noise in [0, 1) from a hash of place and
 `seed`, the same on every machine. A weight of zero takes nothing, not even NaN; a T that is NaN makes its pixel NaN.
 
 Source: McReynolds et al., Programming with OpenGL: advanced rendering, SIGGRAPH course 1997, section 14.1; M. Jarzynski
@@ -153,10 +153,8 @@ def _turned(inputs: Inputs, p: Parameters) -> Array:
     """The definition, in the precision of the pictures. The amount counts as a float32 number, as thresholds do."""
     image, base = inputs["image"], inputs["base"]
     kind = image.pixels.dtype.type
-    if "pattern" in inputs:
-        t = inputs["pattern"].pixels
-    else:
-        t = noise(image.height, image.width, p.seed).astype(kind)
+    pattern = inputs.get("pattern")
+    t = noise(image.height, image.width, p.seed).astype(kind) if pattern is None else pattern.pixels
     amount, one = kind(np.float32(p.amount)), kind(1)
     with np.errstate(all="ignore"):
         if p.amount >= 1:

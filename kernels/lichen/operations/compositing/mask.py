@@ -23,7 +23,7 @@ whose printed test of priorities masks all bits out and could never pass.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -217,7 +217,7 @@ def _kept(inputs: Inputs, p: Parameters) -> Array:
     s = inputs["counter"].pixels if "counter" in inputs else np.zeros_like(v)
     kind = v.dtype.type
     r = s if p.against is Against.COUNTER else kind(np.float32(p.reference))
-    compared = {
+    tests: Mapping[Test, Callable[[], Array]] = {
         Test.NEVER: lambda: np.zeros(v.shape, bool),
         Test.ALWAYS: lambda: np.ones(v.shape, bool),
         Test.LESS: lambda: v < r,
@@ -226,22 +226,22 @@ def _kept(inputs: Inputs, p: Parameters) -> Array:
         Test.AT_LEAST: lambda: v >= r,
         Test.GREATER: lambda: v > r,
         Test.UNEQUAL: lambda: v != r,
-    }[p.test]()
+    }
 
     def stepped(step: Step) -> Array:
         by = v if p.write is Write.IMAGE else np.full_like(v, p.value)
         with np.errstate(all="ignore"):
-            made: Array = {
+            steps: Mapping[Step, Callable[[], Array]] = {
                 Step.KEEP: lambda: s,
                 Step.ZERO: lambda: np.zeros_like(s),
                 Step.REPLACE: lambda: by,
                 Step.INCREMENT: lambda: np.minimum(s + kind(1), kind(p.most)),
                 Step.DECREMENT: lambda: np.maximum(s - kind(1), kind(0)),
                 Step.INVERT: lambda: kind(p.most) - s,
-            }[step]()
-        return made
+            }
+            return steps[step]()
 
-    return np.where(compared, stepped(p.on_pass), stepped(p.on_fail))
+    return np.where(tests[p.test](), stepped(p.on_pass), stepped(p.on_fail))
 
 
 @mask.truth

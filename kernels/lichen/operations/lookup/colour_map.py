@@ -7,8 +7,9 @@ Truth, for a value v, one channel of the image:
 
 The scalar is what is interpolated, resized and filtered, and colour comes last: colours between two entries of a
 palette are not colours of the palette. The palette is the first row of an input, or one of `maps`: tables of 256 sRGB
-colours as OpenCV has them, of which viridis, plasma, inferno, magma and cividis rise evenly in lightness and cividis is
-meant for all kinds of colour vision; twilight meets its own end. `low` and `high` are the image's extremes unless given.
+colours as OpenCV has them, of which viridis, plasma, inferno, magma and cividis rise evenly in lightness and cividis
+is meant for all kinds of colour vision; twilight meets its own end. `low` and `high` are the image's extremes unless
+given.
 
 Contours are lines at offset + k spacing, `line_width` pixels wide however steep the values: with g the length of the
 gradient (central differences; one-sided at the edge) and d the distance of v to the nearest of those values, the line

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,8 +36,8 @@ class Path:
     dimensions: int
 
     def coordinates(self, pixels: Array, dtype: npt.DTypeLike) -> tuple[Array, Array]:
-        """Coordinates (n, dimensions), and whether each pixel lies before the projector (n,). `pixels`: (n, channels)."""
-        kind = np.dtype(dtype).type
+        """Of pixels (n, channels): coordinates (n, dimensions), and whether each lies before the projector (n,)."""
+        kind: Any = np.dtype(dtype).type
         read = min(pixels.shape[1], MOST)
         c = [pixels[:, k].astype(kind) if k < read else np.zeros(len(pixels), kind) for k in range(MOST)]
         c = [c[k] * kind(self.scale[k]) + kind(self.bias[k]) for k in range(MOST)]
@@ -108,7 +109,7 @@ class Texture:
 
     def sample(self, coordinates: Array, dtype: npt.DTypeLike) -> Array:
         """(n, channels) in `dtype`, from coordinates in either precision."""
-        kind = np.dtype(dtype).type
+        kind: Any = np.dtype(dtype).type
         axes = [self._axis(coordinates[:, k], k) for k in range(len(self.sizes))]
         total = np.zeros((len(coordinates), self.texels.shape[1]), kind)
         texels = self.texels.astype(kind, copy=False)

@@ -183,7 +183,7 @@ def _spread(p: Parameters, facts: InputFacts) -> tuple[float, float]:
 
 
 def _sums(p: Parameters, facts: InputFacts) -> float:
-    """Weights' roundings and the sum's: relative to the sum of the weights' magnitudes, 1.25 along an axis of cubics."""
+    """Roundings of the weights and of the sum, relative to the weights' magnitudes: 1.25 along an axis of cubics."""
     low, high = _spread(p, facts)
     taps = TAPS[p.filter] ** p.dimensions
     over = 1.25**p.dimensions if p.filter is Filter.CUBIC else 1.0
@@ -250,7 +250,7 @@ def _footprint(p: Parameters, facts: InputFacts) -> Footprint:
 
 def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
     """A change of the texture comes through as a weighted mean of itself."""
-    return error * (1.25**p.dimensions if p.filter is Filter.CUBIC else 1.0)
+    return error * (1.25**p.dimensions if p.filter is Filter.CUBIC else 1)
 
 
 pixel_texture = Operation(
@@ -331,8 +331,8 @@ def _launched(device: Device, inputs: Inputs, p: Parameters, real: type[np.float
 
 def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
     """Coordinates, then texels of every channel."""
-    texture = facts.get("texture", facts["image"])
-    return facts["image"].pixels * (8.0 + TAPS[p.filter] ** p.dimensions * texture.channels)
+    texels: int = TAPS[p.filter] ** p.dimensions * facts.get("texture", facts["image"]).channels
+    return facts["image"].pixels * (8.0 + texels)
 
 
 @pixel_texture.method(

@@ -154,4 +154,5 @@ class OnDevice:
                 np.int32(bins), np.uint64(-(-self._pixels // parts)), np.uint64(self._pixels),
                 local=(1,), defines={"CHANNELS": channels},
             )  # fmt: skip
-        return made.sum(axis=0, dtype=np.int64)
+        total: Array = made.sum(axis=0, dtype=np.int64)
+        return total

@@ -58,11 +58,12 @@ if TYPE_CHECKING:
 
 FLOAT_MAX = float(np.finfo(np.float32).max)
 PLAIN = ("finite", "low", "high", "mean", "deviation")
+Percentile = Annotated[float, Field(ge=0, le=100)]
 Edge = Annotated[float, Field(ge=-1e30, le=1e30)]
 
 
 class Parameters(OperationParameters):
-    percentiles: Annotated[tuple[Annotated[float, Field(ge=0, le=100)], ...], Field(max_length=64)] = (
+    percentiles: Annotated[tuple[Percentile, ...], Field(max_length=64)] = (
         1,
         25,
         50,
@@ -234,8 +235,8 @@ def _table(machine: OnDevice | OnHost, p: Parameters, bins: int) -> Array:
     found = machine.moments()
     columns = [found.share, found.low, found.high, found.mean, found.deviation]
     if p.percentiles:
-        by_bins = bins and _by_bins(machine, p, bins, found.low, found.high)
-        columns += list((by_bins if bins else _selected(image, p)).T)
+        wanted = _by_bins(machine, p, bins, found.low, found.high) if bins else _selected(image, p)
+        columns += list(wanted.T)
     if p.bins:
         low, high = p.ends(image.extent)
         edges = (np.full(image.channels, low), np.full(image.channels, high))

@@ -18,7 +18,9 @@ BOTH = pytest.mark.parametrize("backend", BACKENDS)
 
 def covered(shape: tuple[int, int]) -> Image:
     coverage = RNG.random((*shape, 1))
-    return Image(np.concatenate([RNG.random((*shape, 3)) * coverage, coverage], -1).astype(np.float32), alpha=Alpha.ASSOCIATED)
+    return Image(
+        np.concatenate([RNG.random((*shape, 3)) * coverage, coverage], -1).astype(np.float32), alpha=Alpha.ASSOCIATED
+    )
 
 
 @BOTH
@@ -33,9 +35,7 @@ def test_the_nearer_is_in_front(backend: str) -> None:
     depth = lichen.run("z_composite", first, output="depth", **inputs).image.pixels
     assert np.array_equal(depth, np.minimum(near, far))
     soft = lichen.run("z_composite", first, partial=True, **inputs).image.pixels
-    orders = [
-        lichen.run("composite", a, base=b).image.pixels for a, b in ((first, second), (second, first))
-    ]
+    orders = [lichen.run("composite", a, base=b).image.pixels for a, b in ((first, second), (second, first))]
     assert np.allclose(soft, np.where(near < far, *orders), atol=1e-6)
 
 
@@ -65,7 +65,9 @@ def test_masks_do_logic(backend: str) -> None:
 def test_counters_count_layers_and_saturate(backend: str) -> None:
     count = np.zeros((2, 3, 1), np.float32)
     for _ in range(5):
-        count = lichen.run("mask", np.ones((2, 3, 1)), counter=count, on_pass="increment", bits=2, device=backend).image.pixels
+        count = lichen.run(
+            "mask", np.ones((2, 3, 1)), counter=count, on_pass="increment", bits=2, device=backend
+        ).image.pixels
     assert (count == 3).all()
     for _ in range(5):
         count = lichen.run("mask", np.ones((2, 3, 1)), counter=count, on_pass="decrement", device=backend).image.pixels
@@ -95,7 +97,8 @@ def test_dissolving_is_monotone_and_even(backend: str) -> None:
         before = now
     assert (before == 1).all()
     assert np.array_equal(
-        lichen.run("dissolve", old, base=new, amount=0.4, seed=9, device=backend).image.pixels, noise(64, 80, 9) < np.float32(0.4)
+        lichen.run("dissolve", old, base=new, amount=0.4, seed=9, device=backend).image.pixels,
+        noise(64, 80, 9) < np.float32(0.4),
     )
     soft = [
         lichen.run("dissolve", old, base=new, amount=amount, softness=0.3, device=backend).image.pixels

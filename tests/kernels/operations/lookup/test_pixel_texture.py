@@ -39,7 +39,9 @@ def test_agrees_with_scipy(dimensions: int, border: str, backend: str) -> None:
     for name, order in (("linear", 1), ("nearest", 0)):
         found = lichen.run("pixel_texture", places, texture=image, filter=name, method="exact", **values).image.pixels
         at = index if order else [np.floor(each + 0.5) for each in index]
-        expected = np.stack([map_coordinates(texture[..., c], at, order=order, mode=MODES[border]) for c in range(3)], -1)
+        expected = np.stack(
+            [map_coordinates(texture[..., c], at, order=order, mode=MODES[border]) for c in range(3)], -1
+        )
         assert np.abs(found - expected).max() < 1e-6, name
 
 
@@ -66,7 +68,7 @@ def test_cubic_agrees_with_opencv(backend: str) -> None:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_the_whole_pixel_path_is_one_request(backend: str) -> None:
-    """Scale and bias, tables, matrix, tables, projective lookup: each step by NumPy, as the paper's Figure 1 has them."""
+    """Scale and bias, tables, matrix, tables, projective lookup: each step by NumPy, in the order of the paper's path."""
     image = RNG.random((10, 11, 4)).astype(np.float32)
     texture = RNG.random((9, 7, 2)).astype(np.float32)
     before = [[0, 0.1, 0.5, 1], [1, 0.6, 0.3, 0], [0.2, 0.3, 0.5, 0.9], [0, 1, 0, 1]]
