@@ -79,3 +79,41 @@ kernel void composite(global const float *restrict image, global const float *re
 #endif
 #endif
 }
+
+// The same for two pictures of three colours and coverage, without mask and blend mode: four pixels to a vector, in
+// which coverage is a lane like the others. The last pixels, fewer than four, come through an array.
+#if COLOURS == 3 && IMAGE == 4 && BASE == 4 && OUT == 4 && MASK == 0 && BLEND == NORMAL
+kernel void composite_flat(global const float *restrict image, global const float *restrict base,
+                           global float *restrict out, float opacity, float image_1, float image_b, float base_1,
+                           float base_s, float most, ulong pixels)
+{
+    const float far = INFINITY;
+    float16 limit = (float16)(far, far, far, most, far, far, far, most, far, far, far, most, far, far, far, most);
+    ulong first = get_global_id(0) * (ulong)LANES * 4, end = min(first + LANES * 4, pixels * 4);
+    for (ulong at = first; at < end; at += LANES) {
+        bool whole = at + LANES <= end;
+        float own[LANES], other[LANES];
+        if (!whole)
+            for (int i = 0; i < LANES; i++) {
+                own[i] = at + i < end ? image[at + i] : 0.0f;
+                other[i] = at + i < end ? base[at + i] : 0.0f;
+            }
+        float16 cs = part(whole ? vload16(0, image + at) : vload16(0, own), (float16)(opacity));
+        float16 cb = whole ? vload16(0, base + at) : vload16(0, other);
+        float16 s = cs.s33337777bbbbffff, b = cb.s33337777bbbbffff;
+        float16 f = image_1 + image_b * b, g = base_1 + base_s * s;
+#if SATURATE
+        float16 room = num_max(ONE - b, ZERO);
+        f = s > room ? room / s : (b == b ? ONE : b);
+#endif
+        float16 y = num_min(part(cs, f) + part(cb, g), limit);
+        if (whole)
+            vstore16(y, 0, out + at);
+        else {
+            vstore16(y, 0, own);
+            for (int i = 0; i < LANES && at + i < end; i++)
+                out[at + i] = own[i];
+        }
+    }
+}
+#endif

@@ -70,6 +70,7 @@ from lichen.operations.compositing.layers import FLOAT_MAX, colours, placed, row
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
+SOURCE = "compositing/composite.cl"
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 LUMA = (0.3, 0.59, 0.11)
 
@@ -336,14 +337,23 @@ class Exact:
             "SATURATE": int(p.operator is Operator.SATURATE),
         }  # fmt: skip
         most = 1.0 if p.operator is Operator.PLUS else math.inf
-        numbers = (p.opacity, *p.weights, *linear_factors(p.operator), most)
+        factors = [np.float32(each) for each in (*linear_factors(p.operator), most)]
+        given = (aligned(image.pixels), ground)
+        flat = (image.channels, base.channels, out.shape[2]) == (4, 4, 4) and base.colours == 3
         with device.session() as session:
-            session.launch(
-                "compositing/composite.cl", "composite", (-(-pixels // 16),),
-                aligned(image.pixels), ground, mask, session.write(out),
-                *(np.float32(number) for number in numbers), np.int32(list(Blend).index(p.blend)), np.uint64(pixels),
-                defines=defines,
-            )  # fmt: skip
+            if flat and weights is None and p.blend is Blend.NORMAL:
+                session.launch(
+                    SOURCE, "composite_flat", (-(-pixels // 16),),
+                    *given, session.write(out), np.float32(p.opacity), *factors, np.uint64(pixels),
+                    defines=defines,
+                )  # fmt: skip
+            else:
+                session.launch(
+                    SOURCE, "composite", (-(-pixels // 16),),
+                    *given, mask, session.write(out), *(np.float32(each) for each in (p.opacity, *p.weights)),
+                    *factors, np.int32(list(Blend).index(p.blend)), np.uint64(pixels),
+                    defines=defines,
+                )  # fmt: skip
         return out
 
     @staticmethod
