@@ -105,7 +105,11 @@ def _led_by_picture(operation: Operation[Any]) -> bool:
 
 
 def _fields(operation: Operation[Any], kind: str, size: int) -> dict[str, Image]:
-    return {each.name: as_image(field(kind, size)) for each in operation.inputs if each.required}
+    return {
+        each.name: as_image(aligned(field(kind, size)[..., : each.channels[1]]))
+        for each in operation.inputs
+        if each.required
+    }
 
 
 def _covered(operation: Operation[Any], parameters: OperationParameters, content: str, size: int) -> dict[str, Image]:
@@ -137,9 +141,10 @@ def _shapes(operation: Operation[Any], content: str, size: int) -> Iterator[dict
 
 def _fitting(declared: Input, content: str, size: int, count: int = 3) -> Array:
     """The picture with `count` channels, or as near to it as the input takes."""
-    if not declared.picture:
-        return field("smooth field", size)
     fewest, most = declared.channels
+    if not declared.picture:
+        vectors = field("smooth field", size)
+        return vectors if most is None or most >= 2 else aligned(vectors[..., :most])
     count = max(fewest, min(count, most or count))
     colours = picture(content, size)
     return aligned(np.concatenate([colours] * -(-count // 3), axis=2)[..., :count])
