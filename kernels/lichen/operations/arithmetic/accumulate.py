@@ -239,7 +239,7 @@ def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
     "compensated",
     error=_compensated_error,
     work=_work,
-    rates={"opencl": Rate(3e-4, 1.3e-10), "numpy": Rate(1e-4, 6e-9)},
+    rates={"opencl": Rate(3e-4, 4e-10), "numpy": Rate(1e-4, 8e-9)},
 )
 class Compensated:
     """Sums and products with what their roundings lost."""
@@ -257,7 +257,7 @@ class Compensated:
     "plain",
     error=_plain_error,
     work=_work,
-    rates={"opencl": Rate(3e-4, 1.2e-10), "numpy": Rate(1e-4, 5e-10)},
+    rates={"opencl": Rate(3e-4, 2.5e-10), "numpy": Rate(1e-4, 6e-10)},
 )
 class Plain:
     """Sums in float32, one image after the other."""

@@ -286,7 +286,7 @@ def compiled(p: Parameters, channels: Mapping[str, int], out: int) -> Program:
     "compiled",
     error=_error,
     work=lambda p, knob, facts: next(iter(facts.values())).pixels * _channels(p, facts) * (8.0 + len(p.terms)),
-    rates={"opencl": Rate(3e-4, 3e-11), "numpy": Rate(1e-4, 2.5e-10)},
+    rates={"opencl": Rate(3e-4, 4e-11), "numpy": Rate(1e-4, 9e-10)},
 )
 class Compiled:
     """One pass over the images in float32: a kernel of its own on OpenCL, blocks that stay in cache with NumPy."""

@@ -317,7 +317,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples * (1.0 if p.blend is Blend.NORMAL else 2.0),
-    rates={"opencl": Rate(3e-4, 6e-10), "numpy": Rate(1e-4, 9e-9)},
+    rates={"opencl": Rate(3e-4, 2e-9), "numpy": Rate(1e-4, 2e-8)},
 )
 class Exact:
     """The formulas in float32, sixteen pixels at a time."""

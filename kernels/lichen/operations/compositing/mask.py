@@ -253,7 +253,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].pixels,
-    rates={"opencl": Rate(3e-4, 6e-10), "numpy": Rate(1e-4, 5e-9)},
+    rates={"opencl": Rate(3e-4, 2e-9), "numpy": Rate(1e-4, 7e-9)},
 )
 class Exact:
     """One comparison and one step for each pixel."""

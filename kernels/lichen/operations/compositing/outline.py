@@ -157,7 +157,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     "exact",
     error=lambda p, knob, facts: EXACT,
     work=lambda p, knob, facts: facts["image"].pixels * math.pi * p.width**2,
-    rates={"opencl": Rate(3e-4, 6e-10), "numpy": Rate(2e-4, 6e-9)},
+    rates={"opencl": Rate(3e-4, 3e-9), "numpy": Rate(2e-4, 3e-8)},
 )
 class Exact:
     """Every pixel of the disc compared; on a device without double precision, on the host."""

@@ -280,7 +280,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].pixels * (2.0 if p.spacing is not None else 1.0),
-    rates={"opencl": Rate(3e-4, 5e-9), "numpy": Rate(2e-4, 1.5e-7)},
+    rates={"opencl": Rate(3e-4, 8e-9), "numpy": Rate(2e-4, 1.6e-7)},
 )
 class Exact:
     """Places and colours in doubles; on a device without double precision, on the host."""

@@ -13,6 +13,7 @@
 #define MOST 4
 #define FARTHEST ((REAL)1073741824.0)
 #define TABLES 29
+#define TOTAL (1 << ((TAPS >> 1) * DIMENSIONS)) // TAPS to the power of DIMENSIONS
 
 inline REAL looked_up(REAL x, global const REAL *restrict table, int entries)
 {
@@ -71,33 +72,47 @@ kernel void lookup(global const float *restrict in, global const float *restrict
 #endif
 #endif
         }
+        // Every tap once, whatever the channels; -1 is the background.
+        int tap[TOTAL], taken = 0;
+        float share[TOTAL];
+#if DIMENSIONS >= 4
+        for (int l = 0; l < TAPS; l++)
+#endif
+#if DIMENSIONS >= 3
+        for (int m = 0; m < TAPS; m++)
+#endif
+#if DIMENSIONS >= 2
+        for (int j = 0; j < TAPS; j++)
+#endif
+        for (int o = 0; o < TAPS; o++) {
+            int index = at[0][o], plane = sizes[0];
+            float w = 1.0f;
+            bool outside = at[0][o] < 0;
+#if DIMENSIONS >= 4
+            w *= weight[3][l];
+#endif
+#if DIMENSIONS >= 3
+            w *= weight[2][m];
+#endif
+#if DIMENSIONS >= 2
+            w *= weight[1][j], index += plane * at[1][j], plane *= sizes[1], outside |= at[1][j] < 0;
+#endif
+#if DIMENSIONS >= 3
+            index += plane * at[2][m], plane *= sizes[2], outside |= at[2][m] < 0;
+#endif
+#if DIMENSIONS >= 4
+            index += plane * at[3][l], outside |= at[3][l] < 0;
+#endif
+            w *= weight[0][o];
+            if (w == 0.0f)
+                continue;
+            tap[taken] = outside ? -1 : index;
+            share[taken++] = w;
+        }
         for (int c = 0; c < made; c++) {
             float total = 0.0f;
-#if DIMENSIONS >= 4
-            for (int l = 0; l < TAPS; l++)
-#endif
-#if DIMENSIONS >= 3
-            for (int m = 0; m < TAPS; m++)
-#endif
-#if DIMENSIONS >= 2
-            for (int j = 0; j < TAPS; j++)
-#endif
-            for (int o = 0; o < TAPS; o++) {
-                float w = weight[0][o];
-                long index = at[0][o], plane = sizes[0];
-                bool outside = at[0][o] < 0;
-#if DIMENSIONS >= 2
-                w *= weight[1][j], index += plane * at[1][j], plane *= sizes[1], outside |= at[1][j] < 0;
-#endif
-#if DIMENSIONS >= 3
-                w *= weight[2][m], index += plane * at[2][m], plane *= sizes[2], outside |= at[2][m] < 0;
-#endif
-#if DIMENSIONS >= 4
-                w *= weight[3][l], index += plane * at[3][l], outside |= at[3][l] < 0;
-#endif
-                float value = outside ? background : texels[index * made + c];
-                total += w == 0.0f ? 0.0f : w * value;
-            }
+            for (int k = 0; k < taken; k++)
+                total += share[k] * (tap[k] < 0 ? background : texels[(size_t)tap[k] * made + c]);
             out[i * made + c] = nan ? NAN : (behind ? background : total);
         }
     }

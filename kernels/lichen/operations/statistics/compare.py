@@ -203,7 +203,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples * {Map.CIEDE2000: 300.0, Map.FLIP: 800.0}.get(p.map, 1.0),
-    rates={"opencl": Rate(3e-4, 6e-10), "numpy": Rate(1e-4, 4e-9)},
+    rates={"opencl": Rate(3e-4, 1e-9), "numpy": Rate(1e-4, 1.1e-8)},
 )
 class Exact:
     """Differences in float32; what is seen in doubles, on the host."""

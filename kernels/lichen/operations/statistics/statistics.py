@@ -250,7 +250,7 @@ def _table(machine: OnDevice | OnHost, p: Parameters, bins: int) -> Array:
     "exact",
     error=_exact_error,
     work=lambda p, knob, facts: facts["image"].samples * (4.0 if p.percentiles else 1.0),
-    rates={"opencl": Rate(5e-4, 2.5e-9), "numpy": Rate(2e-4, 4e-9)},
+    rates={"opencl": Rate(5e-4, 4e-9), "numpy": Rate(2e-4, 3e-8)},
 )
 class Exact:
     """Sums in doubles, in two passes; percentiles by sorting, on the host."""
@@ -268,7 +268,7 @@ class Exact:
     "binned",
     error=_binned_error,
     work=lambda p, knob, facts: facts["image"].samples * (2.0 if p.percentiles else 1.0) + 16 * knob,
-    rates={"opencl": Rate(5e-4, 1.5e-9), "numpy": Rate(2e-4, 6e-9)},
+    rates={"opencl": Rate(5e-4, 2.5e-9), "numpy": Rate(2e-4, 4e-8)},
     knob=Knob("resolution", (256, 4096, 65536), "bins in which percentiles are looked for", 16, 1 << 20),
     unfit=lambda p, facts: None if p.percentiles else "there are no percentiles to find",
 )
