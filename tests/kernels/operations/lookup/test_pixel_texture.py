@@ -68,7 +68,7 @@ def test_cubic_agrees_with_opencv(backend: str) -> None:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_the_whole_pixel_path_is_one_request(backend: str) -> None:
-    """Scale and bias, tables, matrix, tables, projective lookup: each step by NumPy, in the order of the paper's path."""
+    """Scale and bias, tables, matrix, tables, projective lookup: each step by NumPy, as the paper orders them."""
     image = RNG.random((10, 11, 4)).astype(np.float32)
     texture = RNG.random((9, 7, 2)).astype(np.float32)
     before = [[0, 0.1, 0.5, 1], [1, 0.6, 0.3, 0], [0.2, 0.3, 0.5, 0.9], [0, 1, 0, 1]]
