@@ -6,9 +6,9 @@ Truth: every pixel has a threshold T. With `amount` t and `softness` s,
     w = (t (1 + s) - T) / s, brought into [0, 1]      s > 0
     result = (1 - w) image + w base
 
-so amount 0 gives the image and 1 the base, wholly. It is monotone: what has turned stays so as the amount grows. T is
-an input of one channel, a wipe or any other pattern in [0, 1], or else white noise in [0, 1) from a hash of place and
-`seed`, the same on every machine. A weight of zero takes nothing, not even NaN; a T that is NaN makes its pixel NaN.
+so amount 0 gives the image and 1 the base, wholly, for T in [0, 1]. It is monotone: what has turned stays so as the
+amount grows. T is an input of one channel, a wipe or any other pattern in [0, 1], or else white noise in [0, 1) from a
+hash of place and `seed`, the same on every machine. A weight of zero takes nothing, not even NaN; a T that is NaN makes its pixel NaN.
 
 Source: McReynolds et al., Programming with OpenGL: advanced rendering, SIGGRAPH course 1997, section 14.1; M. Jarzynski
 and M. Olano, Hash functions for GPU rendering, JCGT 9(3), 2020.
@@ -87,7 +87,7 @@ def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     """The rounding of the weight, for soft ones, and of the sum."""
     low, high = _ends(facts)
     value = 0.0
-    if p.softness and 0 < p.amount < 1:
+    if p.softness and p.amount < 1:
         far = facts["pattern"].extent.magnitude if "pattern" in facts else 1.0
         weight = min(8 * ROUNDING * (1 + p.softness + far) / p.softness, 1.0)
         value = min((high - low) * weight + 4 * ROUNDING * max(abs(low), abs(high)), FLOAT_MAX)
