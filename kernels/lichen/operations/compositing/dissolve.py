@@ -8,7 +8,8 @@ Truth: every pixel has a threshold T. With `amount` t and `softness` s,
 
 so amount 0 gives the image and 1 the base, wholly, for T in [0, 1]. It is monotone: what has turned stays so as the
 amount grows. T is an input of one channel, a wipe or any other pattern in [0, 1], or else white noise in [0, 1) from a
-hash of place and `seed`, the same on every machine. A weight of zero takes nothing, not even NaN; a T that is NaN makes its pixel NaN.
+hash of place and `seed`, the same on every machine. A weight of zero takes nothing, not even NaN; a T that is NaN makes
+its pixel NaN.
 
 Source: McReynolds et al., Programming with OpenGL: advanced rendering, SIGGRAPH course 1997, section 14.1; M. Jarzynski
 and M. Olano, Hash functions for GPU rendering, JCGT 9(3), 2020.

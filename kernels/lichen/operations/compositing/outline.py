@@ -109,7 +109,7 @@ outline = Operation(
     summary="Draws silhouettes and halos from a mask or a depth.",
     description=__doc__ or "",
     parameters=Parameters,
-    inputs=(Input("image", "a mask or a depth: its first channel", picture=False),),
+    inputs=(Input("image", "a mask or a depth: its first channel, as it is stored"),),
     light=Light.STORED,
     footprint=lambda p, facts: halo(math.floor(p.width)),
     result=_result,
