@@ -279,6 +279,8 @@ class Operation(Generic[P]):
     """parameters with which this operation undoes itself, or None"""
     wants_alpha: Alpha | None = None
     """the kind of alpha the definition holds for, where the input has one; None: alpha is a channel like the others"""
+    as_stored: Callable[[P], bool] = lambda parameters: False
+    """whether these parameters ask for the numbers as they are, although `light` is linear"""
     check: Callable[[P, InputFacts], list[Flaw]] = lambda parameters, facts: []
     """flaws that only parameters and inputs together show, found before any pixel is computed"""
     customary: tuple[str, float] | None = None

@@ -69,10 +69,10 @@ def _lights(image: Image, truth: Array) -> tuple[Array, Array] | str:
         return f"a picture has 1 or 3 colours, this one {image.colours}"
     if not (np.isfinite(image.pixels).all() and np.isfinite(truth).all()):
         return "NaN or infinity has no colour"
-    return _emitted(image, image.pixels), _emitted(image, truth)
+    return emitted(image, image.pixels), emitted(image, truth)
 
 
-def _emitted(image: Image, pixels: Array) -> Array:
+def emitted(image: Image, pixels: Array) -> Array:
     shown = visible(pixels, image.alpha)[..., : image.colours]
     clipped: Array = np.broadcast_to(np.clip(shown, 0, 1), (*shown.shape[:2], 3))
     if image.space is Space.SRGB:

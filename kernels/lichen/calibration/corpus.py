@@ -12,7 +12,7 @@ fall with frequency (Field, J. Opt. Soc. Am. A 4, 1987) and a few large areas of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -27,6 +27,8 @@ from lichen.operation import Facts, Input, InputFacts, Inputs, Operation, Operat
 BRIGHTEST = 1e4
 TILE = 256
 """px; larger pictures repeat one of this size where only their time matters."""
+MOST_FURTHER = 3
+"""Optional inputs that are tried, one more at a time."""
 COLOURS = (3, 4, 1)
 """Channels of a picture, in the order in which an operation is offered them."""
 
@@ -105,25 +107,34 @@ def _led_by_picture(operation: Operation[Any]) -> bool:
 
 
 def _fields(operation: Operation[Any], kind: str, size: int) -> dict[str, Image]:
-    return {each.name: as_image(field(kind, size)) for each in operation.inputs if each.required}
+    return {
+        each.name: as_image(aligned(field(kind, size)[..., : each.channels[1]]))
+        for each in operation.inputs
+        if each.required
+    }
 
 
 def _covered(operation: Operation[Any], parameters: OperationParameters, content: str, size: int) -> dict[str, Image]:
-    """The picture in the first shape that the operation takes and changes: without coverage if it may be."""
-    offered = list(_shapes(operation, content, size))
-    taken = []
-    for inputs in offered:
-        facts = {name: Facts.of(image) for name, image in inputs.items()}
-        if not operation.check(parameters, facts):
-            if operation.identity(parameters, facts) is None:
-                return inputs
-            taken.append(inputs)
-    return (taken or offered)[0]
+    """The picture in the first shape that the operation takes and changes: without coverage if it may be, and with as
+    few of the optional inputs as these parameters are satisfied with."""
+    offered, taken = [], []
+    optional = [each for each in operation.inputs if not each.required]
+    for further in range(min(len(optional), MOST_FURTHER) + 1):
+        declared = [each for each in operation.inputs if each.required] + optional[:further]
+        for inputs in _shapes(declared, content, size):
+            offered.append(inputs)
+            facts = {name: Facts.of(image) for name, image in inputs.items()}
+            if not operation.check(parameters, facts):
+                if operation.identity(parameters, facts) is None:
+                    return inputs
+                taken.append(inputs)
+        if taken:
+            return taken[0]
+    return offered[0]
 
 
-def _shapes(operation: Operation[Any], content: str, size: int) -> Iterator[dict[str, Image]]:
+def _shapes(declared: Sequence[Input], content: str, size: int) -> Iterator[dict[str, Image]]:
     """Pictures of several channel counts, then with coverage."""
-    declared = [each for each in operation.inputs if each.required]
     for count in COLOURS:
         yield {each.name: as_image(_fitting(each, content, size, count)) for each in declared}
     coverage = picture("gradient", size)[..., :1]
@@ -137,9 +148,10 @@ def _shapes(operation: Operation[Any], content: str, size: int) -> Iterator[dict
 
 def _fitting(declared: Input, content: str, size: int, count: int = 3) -> Array:
     """The picture with `count` channels, or as near to it as the input takes."""
-    if not declared.picture:
-        return field("smooth field", size)
     fewest, most = declared.channels
+    if not declared.picture:
+        vectors = field("smooth field", size)
+        return vectors if most is None or most >= 2 else aligned(vectors[..., :most])
     count = max(fewest, min(count, most or count))
     colours = picture(content, size)
     return aligned(np.concatenate([colours] * -(-count // 3), axis=2)[..., :count])

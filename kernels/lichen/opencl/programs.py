@@ -9,7 +9,8 @@ Rules:
   what it contracts may depend on how a kernel was vectorised; kernels that want a fused step write `fma`.
   No relaxed mathematics: NaN and infinity mean what they say.
 * A program is built once per (source text, definitions) and shared. A kernel object carries its arguments, so every
-  thread has its own.
+  thread has its own. Definitions may be a caller's arithmetic, so programs and kernels that have not been used for the
+  longest are dropped when there are more than `KEPT`.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ import hashlib
 import logging
 import re
 import threading
+from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lichen.errors import DeviceFailure
 
@@ -40,6 +42,8 @@ Definitions = Mapping[str, int | float | str]
 
 _INCLUDE_LINE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"]+)"[ \t]*$')
 _ONCE = re.compile(r"^[ \t]*#[ \t]*pragma[ \t]+once[ \t]*$")
+KEPT = 1024
+"""Programs of a device, and kernels of a thread."""
 _DEPTH = 8
 """Includes within includes; more is a header that includes itself."""
 _log = logging.getLogger("lichen")
@@ -95,36 +99,64 @@ def _definition(name: str, value: int | float | str) -> str:
     return f"#define {name} {int(value) if isinstance(value, bool) else value}"
 
 
+def _shorten(held: OrderedDict[Any, Any]) -> None:
+    """Drop what has not been used for the longest."""
+    while len(held) > KEPT:
+        held.popitem(last=False)
+
+
 class Programs:
     """The programs of one device. Safe to use from any thread."""
 
     def __init__(self, context: cl.Context, device: cl.Device) -> None:
         self._context = context
         self._device = device
-        self._built: dict[tuple[str, tuple[str, ...]], cl.Program] = {}
-        self._lock = threading.Lock()
+        self._built: OrderedDict[tuple[str, tuple[str, ...]], cl.Program] = OrderedDict()
+        self._lock, self._building = threading.Lock(), threading.Lock()
         self._own = threading.local()
 
     def kernel(self, source: str, name: str, defines: Definitions) -> cl.Kernel:
         """This thread's kernel object. Raises `DeviceFailure` naming source and kernel, with the build log."""
-        kernels: dict[object, cl.Kernel] = self._own.__dict__.setdefault("kernels", {})
+        kernels: OrderedDict[object, cl.Kernel] = self._own.__dict__.setdefault("kernels", OrderedDict())
         key = (source, name, tuple(sorted(defines.items())))
         kernel = kernels.get(key)
         if kernel is None:
             kernel = kernels[key] = self._create(source, name, defines)
+            _shorten(kernels)
+        else:
+            kernels.move_to_end(key)
         return kernel
 
     def build(self, source: str, defines: Definitions) -> cl.Program:
         """The program of a source, built at most once."""
         loaded = load(source)
         key = (loaded.digest, tuple(_definition(*item) for item in sorted(defines.items())))
-        program = self._built.get(key)
+        program = self._held(key)
         if program is None:
-            with self._lock:
-                program = self._built.get(key)
+            with self._building:
+                program = self._held(key)
                 if program is None:
-                    program = self._built[key] = self._compile(loaded, key[1])
+                    program = self._compile(loaded, key[1])
+                    with self._lock:
+                        self._built[key] = program
+                        _shorten(self._built)
         return program
+
+    def _held(self, key: tuple[str, tuple[str, ...]]) -> cl.Program | None:
+        with self._lock:
+            program = self._built.get(key)
+            if program is not None:
+                self._built.move_to_end(key)
+            return program
+
+    @property
+    def count(self) -> int:
+        """Programs that are held, `kept` at most."""
+        return len(self._built)
+
+    @property
+    def kept(self) -> int:
+        return KEPT
 
     def _create(self, source: str, name: str, defines: Definitions) -> cl.Kernel:
         import pyopencl as cl

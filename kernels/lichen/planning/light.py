@@ -92,7 +92,7 @@ class _Builder:
 def _wanted(node: Node, facts: Facts) -> tuple[Space, Alpha]:
     """The space and alpha in which a picture enters a node."""
     space, alpha = facts.space, facts.alpha
-    if node.operation.light is Light.LINEAR:
+    if node.operation.light is Light.LINEAR and not node.operation.as_stored(node.parameters):
         space = Space.LINEAR if space is Space.SRGB else space
         alpha = Alpha.ASSOCIATED if alpha is Alpha.STRAIGHT else alpha
     if node.operation.wants_alpha is not None and alpha is not Alpha.NONE:

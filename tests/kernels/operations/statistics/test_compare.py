@@ -1,0 +1,96 @@
+"""Compare against NumPy, scikit-image, the accuracy engine's own figures, and published colour differences."""
+
+from __future__ import annotations
+
+import math
+
+import colour
+import numpy as np
+import pytest
+from skimage.metrics import peak_signal_noise_ratio
+
+import lichen
+from lichen.accuracy.colour import flip
+from lichen.errors import InvalidRequest
+from lichen.image import Alpha, Image, Space
+
+BACKENDS = ("opencl", "numpy")
+RNG = np.random.default_rng(9)
+FIRST, SECOND = (RNG.random((40, 53, 3)).astype(np.float32) for _ in range(2))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_maps_are_differences(backend: str) -> None:
+    apart = FIRST.astype(np.float64) - SECOND
+    signed = lichen.run("compare", FIRST, reference=SECOND, map="signed", device=backend)
+    absolute = lichen.run("compare", FIRST, reference=SECOND, device=backend)
+    assert np.abs(signed.image.pixels - apart).max() < 1e-7
+    assert np.abs(absolute.image.pixels - np.abs(apart)).max() < 1e-7
+    found = absolute.findings
+    assert found["largest"] == pytest.approx(np.abs(apart).max())
+    assert found["rms"] == pytest.approx(math.sqrt(np.mean(apart**2)))
+    assert found["mean"] == pytest.approx(np.abs(apart).mean())
+    assert found["psnr_db"] == pytest.approx(peak_signal_noise_ratio(SECOND, FIRST, data_range=1.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_straight_colour_counts_as_it_shows(backend: str) -> None:
+    """Under no coverage no colour differs; the last channel is compared itself."""
+    pictures = [Image(RNG.random((7, 23, 4)).astype(np.float32), Space.SRGB, Alpha.STRAIGHT) for _ in range(2)]
+    result = lichen.run("compare", pictures[0], reference=pictures[1], map="signed", device=backend)
+    shown = [
+        each.pixels.astype(np.float64) * np.append(np.repeat(each.pixels[..., 3:], 3, -1), np.ones((7, 23, 1)), -1)
+        for each in pictures
+    ]
+    assert result.image.alpha is Alpha.NONE
+    assert np.abs(result.image.pixels - (shown[0] - shown[1])).max() < 2e-7
+
+
+def test_colour_differences_agree_with_colour_science() -> None:
+    images = [Image(each, Space.LINEAR) for each in (FIRST, SECOND)]
+    result = lichen.run("compare", images[0], reference=images[1], map="ciede2000")
+    white = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"]
+    labs = [colour.XYZ_to_Lab(colour.RGB_to_XYZ(each.astype(np.float64), "sRGB"), white) for each in (FIRST, SECOND)]
+    expected = colour.delta_E(*labs, method="CIE 2000")
+    assert np.abs(result.image.pixels[..., 0] - expected).max() < 0.05  # whites differ in the fourth digit
+    assert result.findings["ciede2000"]["mean"] == pytest.approx(float(result.image.pixels.mean()), rel=1e-5)
+
+
+def test_flip_is_a_map_and_a_figure() -> None:
+    images = [Image(each, Space.SRGB) for each in (FIRST, SECOND)]
+    result = lichen.run("compare", images[0], reference=images[1], map="flip", pixels_per_degree=40)
+    assert result.image.pixels.shape == (40, 53, 1)
+    assert result.findings["flip"]["mean"] == pytest.approx(flip(images[0], SECOND, 40).mean)
+    assert result.findings["flip"]["mean"] == pytest.approx(float(result.image.pixels.mean()), rel=1e-6)
+    same = lichen.run("compare", images[0], reference=images[0], map="flip")
+    assert same.image.pixels.max() == 0
+
+
+def test_what_is_spoilt_is_told_and_has_no_colour() -> None:
+    spoilt = FIRST.copy()
+    spoilt[3, 4, 1] = np.nan
+    found = lichen.run("compare", Image(spoilt, Space.SRGB), reference=Image(FIRST, Space.SRGB)).findings
+    assert found["mismatched"] == 1
+    assert found["largest"] == 0
+    assert found["codes"]["uint8"] == {"largest": 0, "differing": 0.0, "mismatched": 1}
+    assert "NaN" in found["flip"]["refused"]
+    assert "NaN" in found["ciede2000"]["refused"]
+
+
+def test_border_and_inside_are_told_apart() -> None:
+    moved = FIRST.copy()
+    moved[:2] += 0.5
+    found = lichen.run("compare", moved, reference=FIRST, margin=2).findings
+    assert found["border"]["largest"] == pytest.approx(0.5, rel=1e-6)
+    assert found["inside"]["largest"] == 0
+    assert lichen.run("compare", moved, reference=FIRST, margin=30).findings["inside"] is None
+
+
+def test_flaws_are_named() -> None:
+    with pytest.raises(InvalidRequest) as refused:
+        lichen.run("compare", FIRST, reference=SECOND[:-1, :, :1], map="flip")
+    assert [flaw.pointer for flaw in refused.value.flaws] == [
+        "/inputs/reference",
+        "/inputs/reference",
+        "/parameters/map",
+    ]
