@@ -12,8 +12,8 @@ Methods, cheapest first where the blur is wide:
   exactly the variance wanted. Nobody would call the result accurate; it is what many programs give.
 * `deriche` and `vliet-young` run recursions along each line from both ends, in time that hardly depends on sigma. Their
   response is compared with the Gaussian sample by sample, which proves a bound; it holds at the edges too, since the
-  states that a line begins with are what they would be, had they run over the continued image for ever. `order` is the
-  number of poles.
+  states that a line begins with are what they would be, had they run over the continued image for ever. `order` and
+  `poles` say of how many damped waves the response is made.
 * `fir` cuts the kernel where the weight left outside is at most `tail` and normalises what remains. Both kernels sum
   to 1, so one pass is wrong by at most the weight cut off times the spread of the input, and two passes by twice that.
   Where the kernel is longer than the image the taps are folded onto the image by the border rule, which is exact and
@@ -246,7 +246,7 @@ def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Arr
 
 @gaussian.method(
     "deriche",
-    knob=Knob("order", (2, 4, 6, 8), "poles of the recursion", 2, 8),
+    knob=Knob("order", (2, 4, 6, 8), "exponentials in the response", 2, 8),
     error=base.recursive_error(base.deriche_filters),
     work=base.recursive_work(base.deriche_filters),
     rates={"opencl": Rate(5e-4, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
@@ -267,7 +267,7 @@ class Deriche:
 
 @gaussian.method(
     "vliet-young",
-    knob=Knob("order", (3, 4, 5), "poles of the recursion", 3, 5),
+    knob=Knob("poles", (3, 4, 5), "poles of the all-pole filter", 3, 5),
     error=base.recursive_error(base.vliet_young_filters),
     work=base.recursive_work(base.vliet_young_filters),
     rates={"opencl": Rate(5e-4, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
