@@ -1,14 +1,23 @@
 """Gaussian blur.
 
 Truth: the image, continued by `border`, convolved along rows and along columns with the sampled Gaussian
-exp(-k^2 / 2 sigma^2), normalised so that its sum over all integers k is 1.
+exp(-k^2 / 2 sigma^2), normalised so that its sum over all integers k is 1. `sigma_x` and `sigma_y` set the two widths
+apart. With `angle` the axes they belong to are turned, and the image is convolved with the sampled
+exp(-u^2 / 2 sigma_x^2 - v^2 / 2 sigma_y^2), u and v being the turned coordinates, normalised alike. Where pixels are
+left out (`mask`, `missing`), the kernel ends at 4 sigma and the weights of the others make up for theirs (`missing`).
 
-Methods:
+Methods, cheapest first where the blur is wide:
 
+* `box3` runs three means in a row over each line; of whole pixels, or `extended` by parts of pixels, which gives
+  exactly the variance wanted. Nobody would call the result accurate; it is what many programs give.
+* `deriche` and `vliet-young` run recursions along each line from both ends, in time that hardly depends on sigma. Their
+  response is compared with the Gaussian sample by sample, which proves a bound; it holds at the edges too, since the
+  states that a line begins with are what they would be, had they run over the continued image for ever. `order` and
+  `poles` say of how many damped waves the response is made.
 * `fir` cuts the kernel where the weight left outside is at most `tail` and normalises what remains. Both kernels sum
   to 1, so one pass is wrong by at most the weight cut off times the spread of the input, and two passes by twice that.
   Where the kernel is longer than the image the taps are folded onto the image by the border rule, which is exact and
-  bounds the work.
+  bounds the work. A kernel with turned axes becomes a sum of columns times rows that leaves at most `tail` of it.
 * `dct`, for the reflecting border: the cosine transform diagonalises a symmetric kernel there, and a wide Gaussian
   passes only low frequencies. The transform is computed for those K modes alone, as two thin matrix products, so the
   work *falls* as sigma grows and any image size is as good as another. Its eigenvalues are sums of Gaussians by
@@ -16,138 +25,65 @@ Methods:
   spread of the input.
 
 Sources: Getreuer, A Survey of Gaussian Convolution Algorithms, IPOL 3 (2013); Martucci, Symmetric convolution and the
-discrete sine and cosine transforms, IEEE Trans. Signal Processing 42 (1994) for the symmetries.
+discrete sine and cosine transforms, IEEE Trans. Signal Processing 42 (1994) for the symmetries; those of the modules
+`recursive_filters`, `boxes`, `gaussian_turned` and `missing`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
-from pydantic import Field
 
 from lichen.image import Alpha, Extent, Image
 from lichen.memory import Array, aligned_empty
 from lichen.opencl.device import Device
-from lichen.operation import (
-    ROUNDING,
-    Border,
-    Error,
-    Facts,
-    Footprint,
-    Input,
-    InputFacts,
-    Inputs,
-    Knob,
-    Light,
-    Operation,
-    OperationParameters,
-    Pixels,
-    Rate,
-)
+from lichen.operation import Border, Facts, Footprint, Input, InputFacts, Inputs, Knob, Light, Operation, Rate
+from lichen.operations.convolution import gaussian_base as base
+from lichen.operations.convolution import gaussian_turned, lowrank, missing
+from lichen.operations.convolution.boxes import boxes_numpy, boxes_opencl
+from lichen.operations.convolution.gaussian_base import Parameters, masked_radius
 from lichen.operations.convolution.gaussian_cases import CASES
-from lichen.operations.convolution.gaussian_weights import dct_bases, dct_modes, fir_radius, fir_weights, half_kernel
-from lichen.operations.convolution.passes import Steps, folded, separable_numpy, separable_opencl
+from lichen.operations.convolution.gaussian_turned import Turned
+from lichen.operations.convolution.gaussian_weights import dct_bases, fir_weights, half_kernel
+from lichen.operations.convolution.passes import Steps, Vector, folded, separable_numpy, separable_opencl
+from lichen.operations.convolution.recursive import recursive_numpy, recursive_opencl
+from lichen.operations.convolution.stencil import Stencil, correlate_numpy, correlate_opencl
 
-MOST_MODES = 1536
-"""Modes that the dct method keeps at most; a kernel that passes more is narrow enough for fir."""
-
-
-class Parameters(OperationParameters):
-    sigma: Pixels = Field(ge=0, le=1e5, description="standard deviation")
-    border: Border = Field(Border.REFLECT, description="how the image continues beyond its edges")
-    value: float = Field(0.0, description="what lies beyond a constant border")
-
-
-# ------------------------------------------------------------------------------------------------------ predictions
-
-
-def _spread(p: Parameters, facts: InputFacts) -> tuple[float, float]:
-    """Largest difference between input values, and largest magnitude, with the constant beyond the border."""
-    extent = facts["image"].extent
-    low, high = extent.low, extent.high
-    if p.border is Border.CONSTANT:
-        low, high = min(low, p.value), max(high, p.value)
-    return high - low, max(abs(low), abs(high))
-
-
-def _taps(p: Parameters, tail: float, size: int) -> int:
-    """Multiply-adds for each sample of one FIR pass."""
-    return min(2 * fir_radius(p.sigma, tail)[0] + 1, size)
-
-
-def fir_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
-    """Truncation, proved; plus rounding: n taps added in any order lose at most n + 1 roundings of the magnitude."""
-    image, (spread, magnitude) = facts["image"], _spread(p, facts)
-    cut = fir_radius(p.sigma, tail)[1]
-    taps = _taps(p, tail, image.width) + _taps(p, tail, image.height)
-    rounding = 1.01 * (taps + 4) * ROUNDING * magnitude
-    return Error(2 * cut * spread + rounding, "bound", rounding)
-
-
-def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
-    """Multiply-adds, or the time to move samples where they are few: processors do one while the other waits.
-
-    Kernels longer than the image are folded onto it, which takes time for each number of that matrix.
-    """
-    image, sides = facts["image"], (facts["image"].width, facts["image"].height)
-    taps = sum(_taps(p, tail, side) for side in sides)
-    matrices = sum(side * side for side in sides if 2 * fir_radius(p.sigma, tail)[0] >= side)
-    return image.samples * math.hypot(taps, MOVED) + FOLDED * matrices
-
-
-MOVED, FOLDED = 54, 700
-"""Multiply-adds that take as long as moving a sample through both passes, or as folding into one number of a matrix."""
-
-
-def dct_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
-    """Dropped modes, proved; rounding as the worst seen over sizes, sigmas and images, with a margin of two.
-
-    It grows with the root of the number of modes, as sums of independent roundings do.
-    """
-    image, (spread, magnitude) = facts["image"], _spread(p, facts)
-    (rows, below), (columns, beside) = (dct_modes(p.sigma, size, tail) for size in (image.height, image.width))
-    dropped = below + beside
-    rounding = (8 + 3 * math.sqrt(rows + columns)) * ROUNDING * magnitude
-    return Error(dropped * (1 + dropped) * spread + rounding, "estimate", rounding)
-
-
-def dct_work(p: Parameters, tail: float, facts: InputFacts) -> float:
-    """Multiply-adds of the four products, and what it takes to read the image, to write it and to flip the modes."""
-    image = facts["image"]
-    rows, columns = dct_modes(p.sigma, image.height, tail)[0], dct_modes(p.sigma, image.width, tail)[0]
-    few = rows * image.width * image.channels
-    return 2.0 * image.samples * rows + 2.0 * few * columns + 90.0 * image.samples + 360.0 * few
-
-
-def _dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
-    if p.border is not Border.REFLECT:
-        return f"the border is {p.border}; a cosine transform continues by reflection"
-    image = facts["image"]
-    if max(dct_modes(p.sigma, size, 1e-7)[0] for size in (image.height, image.width)) > MOST_MODES:
-        return f"more than {MOST_MODES} modes pass so narrow a kernel"
-    if image.extent.nonfinite:
-        return "a transform would spread NaN and infinity over the whole image"
-    return None
+__all__ = ["Parameters", "gaussian"]
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
     """A mean of the input's values and of what lies beyond a constant border."""
     image = facts["image"]
-    if p.border is not Border.CONSTANT:
-        return image
     extent = image.extent
-    return dataclasses.replace(
-        image, extent=Extent(min(extent.low, p.value), max(extent.high, p.value), extent.nonfinite)
-    )
+    if p.border is Border.CONSTANT:
+        extent = Extent(min(extent.low, p.value), max(extent.high, p.value), extent.nonfinite)
+    return dataclasses.replace(image, extent=missing.extent_without(facts, extent))
 
 
 def _footprint(p: Parameters, facts: InputFacts) -> Footprint:
     """As far as the kernel changes anything in float64."""
-    radius = len(half_kernel(p.sigma)) - 1
-    image = facts["image"]
-    return Footprint(min(radius, image.height), min(radius, image.width), wraps=p.border is Border.WRAP)
+    image, turned = facts["image"], p.turned
+    if turned is not None:
+        rows, columns = turned.radii
+    elif missing.leaves_out(p.missing, facts):
+        rows, columns = (masked_radius(sigma) for sigma in p.deviations)
+    else:
+        rows, columns = (len(half_kernel(sigma)) - 1 for sigma in p.deviations)
+    return Footprint(min(rows, image.height), min(columns, image.width), wraps=p.border is Border.WRAP)
+
+
+def _identity(p: Parameters, facts: InputFacts) -> str | None:
+    plain = max(p.deviations) == 0 and not missing.leaves_out(p.missing, facts)
+    return "sigma is 0" if plain else None
+
+
+def _weights(p: Parameters) -> tuple[Vector, Vector]:
+    """Down and across, where pixels are left out."""
+    halves = [half_kernel(sigma)[: masked_radius(sigma) + 1] for sigma in p.deviations]
+    down, across = (np.concatenate([half[:0:-1], half]) for half in halves)
+    return down / down.sum(), across / across.sum()
 
 
 # -------------------------------------------------------------------------------------------------------- operation
@@ -158,12 +94,13 @@ gaussian = Operation(
     family="convolution",
     summary="Gaussian blur of any width, with a stated error.",
     parameters=Parameters,
-    inputs=(Input("image", "a picture or data, any number of channels"),),
+    inputs=(Input("image", "a picture or data, any number of channels"), missing.MASK),
     light=Light.LINEAR,
     wants_alpha=Alpha.ASSOCIATED,
     footprint=_footprint,
     result=_result,
-    identity=lambda p, facts: "sigma is 0" if p.sigma == 0 else None,
+    identity=_identity,
+    check=base.check,
     examples=(
         {"sigma": 1.5},
         {"sigma": 6.0, "border": "reflect101"},
@@ -171,6 +108,8 @@ gaussian = Operation(
         {"sigma": 3.0, "border": "wrap"},
         {"sigma": 40.0, "border": "clamp"},
         {"sigma": 40.0},
+        {"sigma": 4.0, "sigma_y": 1.0, "angle": 30},
+        {"sigma": 2.0, "sigma_x": 5.0, "missing": "inside"},
     ),
     hard_cases=CASES,
     description=__doc__ or "",
@@ -179,20 +118,33 @@ gaussian = Operation(
 
 @gaussian.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
-    image = inputs["image"].pixels
-    weights = np.concatenate([half_kernel(p.sigma)[:0:-1], half_kernel(p.sigma)])
+    pixels, turned = inputs["image"].pixels, p.turned
+    if turned is not None:
+        return gaussian_turned.blurred(pixels, turned, p.border, p.value)
+    if missing.leaves_out(p.missing, inputs):
+
+        def mean(pixels: Array, border: Border, value: float) -> Array:
+            return _by_matrices(pixels, _weights(p), border, value)
+
+        return missing.renormalised(inputs, p.missing, p.border, p.value, mean)
+    halves = (half_kernel(sigma) for sigma in p.deviations)
+    down, across = (np.concatenate([half[:0:-1], half]) for half in halves)
+    return _by_matrices(pixels, (down, across), p.border, p.value)
+
+
+def _by_matrices(pixels: Array, weights: tuple[Vector, Vector], border: Border, value: float) -> Array:
     for axis in (0, 1):
-        matrix, constant = folded(weights, image.shape[axis], p.border)
-        lines = np.moveaxis(image, axis, 0)
-        image = np.moveaxis(np.tensordot(matrix, lines, 1) + p.value * constant[:, None, None], 0, axis)
-    return image
+        matrix, constant = folded(weights[axis], pixels.shape[axis], border)
+        lines = np.moveaxis(pixels, axis, 0)
+        pixels = np.moveaxis(np.tensordot(matrix, lines, 1) + value * constant[:, None, None], 0, axis)
+    return pixels
 
 
 @gaussian.method(
     "fir",
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, 0.5),
-    error=fir_error,
-    work=fir_work,
+    error=base.fir_error,
+    work=base.fir_work,
     rates={"opencl": Rate(5e-4, 1.6e-11), "numpy": Rate(1e-4, 7e-11)},
 )
 class Fir:
@@ -200,22 +152,55 @@ class Fir:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, tail: float) -> Array:
-        weights = fir_weights(p.sigma, tail)
-        return separable_opencl(device, inputs["image"], weights, weights, p.border, p.value)
+        image, turned = inputs["image"], p.turned
+        if turned is not None:
+            if image.extent.nonfinite:
+                return correlate_opencl(device, image, _stencil(turned, tail), p.border, p.value)
+            return lowrank.summed_opencl(device, image.pixels, _passes(turned, tail, p.value), p.border, p.value)
+        if missing.leaves_out(p.missing, inputs):
+
+            def mean(pixels: Array, border: Border, value: float) -> Array:
+                return separable_opencl(device, Image(pixels), *_weights(p), border, value)
+
+            return missing.renormalised_opencl(device, inputs, p.missing, p.border, p.value, mean)
+        down, across = (fir_weights(sigma, tail) for sigma in p.deviations)
+        return separable_opencl(device, image, down, across, p.border, p.value)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, tail: float) -> Array:
-        weights = fir_weights(p.sigma, tail)
-        return separable_numpy(inputs["image"], weights, weights, p.border, p.value)
+        image, turned = inputs["image"], p.turned
+        if turned is not None:
+            if image.extent.nonfinite:
+                return correlate_numpy(image, _stencil(turned, tail), p.border, p.value)
+            return lowrank.summed_numpy(image.pixels, _passes(turned, tail, p.value), p.border, p.value)
+        if missing.leaves_out(p.missing, inputs):
+
+            def mean(pixels: Array, border: Border, value: float) -> Array:
+                return separable_numpy(Image(pixels), *_weights(p), border, value)
+
+            return missing.renormalised(inputs, p.missing, p.border, p.value, mean)
+        down, across = (fir_weights(sigma, tail) for sigma in p.deviations)
+        return separable_numpy(image, down, across, p.border, p.value)
+
+
+def _stencil(turned: Turned, tail: float) -> Stencil:
+    taps = gaussian_turned.cut(turned, tail)[0]
+    return Stencil(taps, taps.shape[0] // 2, taps.shape[1] // 2)
+
+
+def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
+    taps = gaussian_turned.cut(turned, tail)[0]
+    terms = gaussian_turned.taken_apart(turned, tail)[0]
+    return lowrank.passes(terms, taps.shape[0] // 2, taps.shape[1] // 2, 0.0, value)
 
 
 @gaussian.method(
     "dct",
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the modes that are dropped", 1e-9, 0.5),
-    error=dct_error,
-    work=dct_work,
+    error=base.dct_error,
+    work=base.dct_work,
     rates={"opencl": Rate(6e-4, 1.25e-11), "numpy": Rate(1e-5, 9e-12)},
-    unfit=_dct_unfit,
+    unfit=base.dct_unfit,
 )
 class Dct:
     """The few low frequencies that a wide Gaussian passes, as thin matrix products; cheaper the wider it is."""
@@ -228,8 +213,8 @@ class Dct:
     def numpy(inputs: Inputs, p: Parameters, tail: float) -> Array:
         pixels = inputs["image"].pixels
         height, width, channels = pixels.shape
-        down, up = dct_bases(p.sigma, height, tail)
-        left, right = dct_bases(p.sigma, width, tail)
+        down, up = dct_bases(p.deviations[0], height, tail)
+        left, right = dct_bases(p.deviations[1], width, tail)
         few = down @ pixels.reshape(height, -1)
         few = few.reshape(-1, width, channels).transpose(1, 0, 2).reshape(width, -1)
         few = right @ (left @ few)
@@ -242,8 +227,8 @@ class Dct:
 def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Array:
     """Down the image to K rows, those to K x K modes and back, up to the image: four products and two flips."""
     height, width, channels = image.pixels.shape
-    down, up = dct_bases(p.sigma, height, tail)
-    left, right = dct_bases(p.sigma, width, tail)
+    down, up = dct_bases(p.deviations[0], height, tail)
+    left, right = dct_bases(p.deviations[1], width, tail)
     out = aligned_empty(image.pixels.shape)
     with device.session() as session:
         steps = Steps(session, p.border)
@@ -257,3 +242,66 @@ def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Arr
         steps.flip(back, again)
         steps.multiply(up, None, again, out)
     return out
+
+
+@gaussian.method(
+    "deriche",
+    knob=Knob("order", (2, 4, 6, 8), "exponentials in the response", 2, 8),
+    error=base.recursive_error(base.deriche_filters),
+    work=base.recursive_work(base.deriche_filters),
+    rates={"opencl": Rate(5e-4, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    unfit=base.recursive_unfit,
+)
+class Deriche:
+    """Sums of damped waves, fitted to the Gaussian, run along each line from both ends."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, order: float) -> Array:
+        down, across = base.deriche_filters(p, order)
+        return recursive_opencl(device, inputs["image"].pixels, down, across, p.border, p.value)
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, order: float) -> Array:
+        return recursive_numpy(inputs["image"].pixels, *base.deriche_filters(p, order), p.border, p.value)
+
+
+@gaussian.method(
+    "vliet-young",
+    knob=Knob("poles", (3, 4, 5), "poles of the all-pole filter", 3, 5),
+    error=base.recursive_error(base.vliet_young_filters),
+    work=base.recursive_work(base.vliet_young_filters),
+    rates={"opencl": Rate(5e-4, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    unfit=base.vliet_young_unfit,
+)
+class VlietYoung:
+    """The all-pole filter of exactly the variance wanted, run along each line from both ends."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, order: float) -> Array:
+        down, across = base.vliet_young_filters(p, order)
+        return recursive_opencl(device, inputs["image"].pixels, down, across, p.border, p.value)
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, order: float) -> Array:
+        return recursive_numpy(inputs["image"].pixels, *base.vliet_young_filters(p, order), p.border, p.value)
+
+
+@gaussian.method(
+    "box3",
+    knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1),
+    error=base.boxes_error,
+    work=base.boxes_work,
+    rates={"opencl": Rate(5e-4, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    unfit=base.recursive_unfit,
+)
+class Box3:
+    """Three running means along each line, of whole pixels or with parts of pixels at their ends."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, extended: float) -> Array:
+        down, across = base.both_boxes(p, extended)
+        return boxes_opencl(device, inputs["image"].pixels, down, across, p.border, p.value)
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, extended: float) -> Array:
+        return boxes_numpy(inputs["image"].pixels, *base.both_boxes(p, extended), p.border, p.value)

@@ -40,6 +40,15 @@ class Named(StrEnum):
     """5 x 5, centre 24, the others -1"""
     SOBEL_X = "sobel_x"
     SOBEL_Y = "sobel_y"
+    COMPASS_N = "compass_n"
+    """the gradient mask of a direction; the others turn its rim by an eighth at a time"""
+    COMPASS_NE = "compass_ne"
+    COMPASS_E = "compass_e"
+    COMPASS_SE = "compass_se"
+    COMPASS_S = "compass_s"
+    COMPASS_SW = "compass_sw"
+    COMPASS_W = "compass_w"
+    COMPASS_NW = "compass_nw"
     LINES_HORIZONTAL = "lines_horizontal"
     LINES_VERTICAL = "lines_vertical"
     LINES_FALLING = "lines_falling"
@@ -50,6 +59,18 @@ class Named(StrEnum):
     """a disc of `radius`"""
     LINE = "line"
     """a segment of `length` at `angle`"""
+
+
+_RIM = ((0, 0), (0, 1), (0, 2), (1, 2), (2, 2), (2, 1), (2, 0), (1, 0))
+"""Places of a 3 x 3 mask around its middle, clockwise from the upper left."""
+
+
+def turned(mask: Matrix, eighths: int) -> Matrix:
+    """A 3 x 3 mask with its rim turned clockwise, so many eighths."""
+    made = mask.copy()
+    for place, target in enumerate(_RIM):
+        made[target] = mask[_RIM[(place - eighths) % 8]]
+    return made
 
 
 _FIXED = {
@@ -74,10 +95,15 @@ _FIXED = {
 }
 
 
+_COMPASS = tuple(each for each in Named if each.startswith("compass_"))
+
+
 def named(name: Named, size: int, radius: float, length: float, angle: float) -> Matrix:
     """The mask of that name, as correlation reads it."""
     if name in _FIXED:
         return np.array(_FIXED[name], np.float64)
+    if name in _COMPASS:
+        return turned(np.array(_FIXED[Named.SOBEL_Y], np.float64), _COMPASS.index(name))
     if name is Named.BOX:
         return np.full((size, size), 1 / size**2)
     if name is Named.SMOOTH:

@@ -15,7 +15,8 @@ from lichen.errors import InvalidRequest
 from lichen.image import Alpha, Image, Space, as_image
 from lichen.opencl.device import default_device
 from lichen.operation import Border, Facts
-from lichen.operations.convolution.convolve import convolve, stencil
+from lichen.operations.convolution.convolve import convolve
+from lichen.operations.convolution.convolve_base import stencil
 from lichen.operations.convolution.kernels import Named, disc, line_segment, named, separated
 
 SCIPY = {
@@ -84,7 +85,7 @@ def test_no_kernel_breaks_the_bound(
 
 def test_named_kernels_sum_to_what_they_must() -> None:
     edges = {Named.LAPLACIAN, Named.LAPLACIAN5, Named.SOBEL_X, Named.SOBEL_Y}
-    edges |= {each for each in Named if each.startswith("lines_")}
+    edges |= {each for each in Named if each.startswith(("lines_", "compass_"))}
     for name in Named:
         kernel = named(name, 5, 3.3, 12.5, 35.0)
         assert kernel.sum() == pytest.approx(0.0 if name in edges else 1.0, abs=1e-12), name
@@ -141,13 +142,63 @@ def test_large_kernel_agrees_with_a_transform_of_scipy() -> None:
     np.testing.assert_allclose(result.image.pixels[..., 0], expected, atol=1e-6)
 
 
-def test_nonfinite_input_leaves_the_transform_or_says_why_not() -> None:
-    pixels = np.random.default_rng(1).random((64, 64, 1), dtype=np.float32)
+def test_nonfinite_input_leaves_the_transform() -> None:
+    pixels = np.random.default_rng(1).random((512, 512, 1), dtype=np.float32)
+    clean, large = chosen(pixels, name="disc", radius=25, max_error=1e-5), {"name": "disc", "radius": 40}
+    assert clean == chosen(pixels, **large) == "fft"
     pixels[9, 9] = np.inf
     assert chosen(pixels, name="disc", radius=25).startswith("direct")
-    with pytest.raises(InvalidRequest, match="convolve") as caught:
-        lichen.run("convolve", pixels, name="disc", radius=100)
-    assert "spread NaN" in caught.value.flaws[0].detail
+    assert chosen(pixels, **large) == "fft"  # nothing else takes that; it sets them apart
+
+
+@pytest.mark.parametrize("bad", [(np.nan,), (np.inf,), (-np.inf,), (np.inf, np.inf), (np.inf, -np.inf)])
+def test_large_kernels_keep_what_is_not_finite_where_their_taps_meet_it(bad: tuple[float, ...]) -> None:
+    rng = np.random.default_rng(1)
+    pixels, kernel = (
+        rng.random((50, 60, 2), dtype=np.float32),
+        rng.standard_normal((1, 65)) * (rng.random((1, 65)) > 0.5),
+    )
+    for place, value in enumerate(bad):
+        pixels[20, 11 + 9 * place, 0] = value
+    for mode in ("convolution", "correlation"):
+        values = {"kernel": kernel.tolist(), "mode": mode, "border": "wrap"}
+        made = lichen.run("convolve", pixels, **values)
+        assert made.method == "fft"
+        with np.errstate(invalid="ignore"):
+            truth = convolve.evaluate_truth({"image": as_image(pixels)}, convolve.validate(values))
+        np.testing.assert_allclose(made.image.pixels, truth, atol=1e-5)
+
+
+def test_each_channel_may_have_its_kernel() -> None:
+    pixels = np.random.default_rng(2).random((20, 30, 3), dtype=np.float32)
+    kernels = [[[0.5, 0.5]], [[1.0]], [[0, 1, 0], [1, -4, 1], [0, 1, 0]]]
+    for backend in ("opencl", "numpy"):
+        made = lichen.run("convolve", pixels, kernels=kernels, bias=0.1, device=backend).image.pixels
+        for channel, kernel in enumerate(kernels):
+            alone = lichen.run("convolve", pixels[..., channel], kernel=kernel, bias=0.1, device=backend).image.pixels
+            np.testing.assert_allclose(made[..., channel], alone[..., 0], atol=1e-6)
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.run("convolve", pixels, kernels=kernels[:2])
+    assert [flaw.pointer for flaw in caught.value.flaws] == ["/parameters/kernels"]
+
+
+def test_compass_masks_turn_by_an_eighth_and_pull_their_way() -> None:
+    """As printed in the course for five of the eight; a ramp that rises away from the direction answers most."""
+    printed = {
+        Named.COMPASS_N: [[-1, -2, -1], [0, 0, 0], [1, 2, 1]],
+        Named.COMPASS_NE: [[0, -1, -2], [1, 0, -1], [2, 1, 0]],
+        Named.COMPASS_E: [[1, 0, -1], [2, 0, -2], [1, 0, -1]],
+        Named.COMPASS_S: [[1, 2, 1], [0, 0, 0], [-1, -2, -1]],
+        Named.COMPASS_W: [[-1, 0, 1], [-2, 0, 2], [-1, 0, 1]],
+    }
+    for name, mask in printed.items():
+        assert named(name, 3, 1, 1, 0).tolist() == mask
+    every = [name for name in Named if name.startswith("compass_")]
+    y, x = np.mgrid[-1:2, -1:2]
+    for k, name in enumerate(every):
+        ramp = -(np.sin(k * np.pi / 4) * x - np.cos(k * np.pi / 4) * y)
+        answers = [(named(each, 3, 1, 1, 0) * ramp).sum() for each in every]
+        assert np.argmax(answers) == k, name
 
 
 def test_every_flaw_of_a_kernel_is_named() -> None:

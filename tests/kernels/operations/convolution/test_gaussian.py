@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 import lichen
+from lichen.errors import InvalidRequest
 from lichen.image import as_image
 from lichen.operation import Border, Facts
 from lichen.operations.convolution.gaussian import Parameters, gaussian
@@ -88,8 +89,9 @@ def test_no_image_breaks_the_bound(
     truth = gaussian.evaluate_truth(inputs, parameters)
     for method in gaussian.methods.values():
         if method.unfit(parameters, facts) is None:
-            made = method.implementation.numpy(inputs, parameters, tail)
-            assert np.abs(made - truth).max() <= method.error(parameters, tail, facts).value
+            knob = tail if method.knob.name == "tail" else method.knob.values[0]
+            made = method.implementation.numpy(inputs, parameters, knob)
+            assert np.abs(made - truth).max() <= method.error(parameters, knob, facts).value
 
 
 @pytest.mark.parametrize("backend", ["opencl", "numpy"])
@@ -102,10 +104,12 @@ def test_zero_sigma_returns_the_input_bit_for_bit(backend: str) -> None:
     assert [decision.action for decision in result.decisions] == ["dropped"]
 
 
-def test_wide_kernels_take_the_transform_and_narrow_ones_do_not() -> None:
+def test_wide_kernels_take_the_transform_or_a_recursion_and_narrow_ones_do_not() -> None:
     pixels = np.random.default_rng(1).random((512, 512, 1), dtype=np.float32)
     assert lichen.explain("gaussian", pixels, sigma=1.0, max_error=1e-4).method.startswith("fir")
-    assert lichen.explain("gaussian", pixels, sigma=60.0, max_error=1e-4).method.startswith("dct")
+    assert lichen.explain("gaussian", pixels, sigma=60.0, max_error=1e-4).method.startswith(("dct", "deriche"))
+    assert lichen.explain("gaussian", pixels, sigma=200.0, max_error=1e-5).method.startswith("dct")
+    assert lichen.explain("gaussian", pixels, sigma=20.0, border="clamp", max_error=1e-3).method.startswith("deriche")
     assert dct_modes(60.0, 512, 1e-4)[0] < dct_modes(10.0, 512, 1e-4)[0]
 
 
@@ -115,7 +119,8 @@ def test_nonfinite_input_leaves_the_transform() -> None:
     plan = lichen.explain("gaussian", pixels, sigma=60.0, max_error=1e-4)
     assert plan.method.startswith("fir")
     offers = plan.to_json()["nodes"][0]["alternatives"]
-    assert any("spread NaN" in offer["verdict"] for offer in offers if offer["method"] == "dct")
+    for method, reason in (("dct", "spread NaN"), ("deriche", "never forgets"), ("box3", "never forgets")):
+        assert any(reason in offer["verdict"] for offer in offers if offer["method"] == method)
 
 
 def test_constant_images_stay_constant() -> None:
@@ -123,3 +128,40 @@ def test_constant_images_stay_constant() -> None:
         for sigma in (0.7, 5.0, 200.0):
             result = lichen.run("gaussian", np.full((40, 50, 3), 0.3, np.float32), sigma=sigma, border=border)
             np.testing.assert_allclose(result.image.pixels, 0.3, atol=1e-6)
+
+
+def test_two_widths_and_their_axes() -> None:
+    pixels = np.random.default_rng(3).random((31, 44))
+    inputs = {"image": as_image(pixels)}
+    expected = ndimage.gaussian_filter(pixels, (1.5, 4.0), mode="reflect", truncate=9.0)
+    for given_ in ({"sigma_x": 4.0}, {"sigma_x": 1.5, "sigma_y": 4.0, "angle": 90}, {"sigma_x": 4.0, "angle": -180}):
+        truth = gaussian.evaluate_truth(inputs, Parameters(sigma=1.5, **given_))
+        np.testing.assert_allclose(truth[..., 0], expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("border", list(Border))
+def test_turned_truth_agrees_with_scipy(border: Border) -> None:
+    pixels = np.random.default_rng(3).random((23, 35))
+    y, x = np.mgrid[-40:41, -40:41]
+    c, s = np.cos(np.radians(25)), np.sin(np.radians(25))
+    kernel = np.exp(-0.5 * (((c * x + s * y) / 4) ** 2 + ((c * y - s * x) / 1.2) ** 2))
+    expected = ndimage.correlate(pixels, kernel / kernel.sum(), mode=SCIPY[border], cval=0.3)
+    p = Parameters(sigma=1.2, sigma_x=4, angle=25, border=border, value=0.3)
+    truth = gaussian.evaluate_truth({"image": as_image(pixels)}, p)
+    np.testing.assert_allclose(truth[..., 0], expected, atol=1e-12)
+
+
+def test_a_line_turned_lies_where_its_angle_says() -> None:
+    point = np.zeros((61, 61), np.float32)
+    point[30, 30] = 1
+    made = lichen.run("gaussian", point, sigma=1.5, sigma_x=6, angle=30, max_error=1e-4).image.pixels[..., 0]
+    y, x = np.mgrid[-30:31, -30:31]
+    axis = np.degrees(0.5 * np.arctan2(2 * (made * x * y).sum(), (made * (x * x - y * y)).sum()))
+    assert axis == pytest.approx(30, abs=0.1)
+
+
+def test_what_a_turned_kernel_cannot_have_is_named() -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.run("gaussian", np.ones((9, 9), np.float32), sigma=0.1, sigma_x=70, angle=10, missing="skip")
+    pointers = [flaw.pointer for flaw in caught.value.flaws]
+    assert pointers == ["/parameters/sigma_x", "/parameters/sigma_y", "/parameters/angle"]

@@ -1,0 +1,272 @@
+"""The parameters of a Gaussian blur, and what its methods are predicted to cost and to be wrong by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated
+
+from pydantic import Field
+
+from lichen.errors import Flaw
+from lichen.operation import ROUNDING, Border, Degrees, Error, InputFacts, OperationParameters, Pixels
+from lichen.operations.convolution import gaussian_turned, lowrank
+from lichen.operations.convolution.boxes import Boxes, boxes, boxes_distance
+from lichen.operations.convolution.gaussian_turned import Turned
+from lichen.operations.convolution.gaussian_weights import dct_modes, fir_radius
+from lichen.operations.convolution.missing import Missing, check_mask, leaves_out, renormalised_error
+from lichen.operations.convolution.recursive import BLOCK
+from lichen.operations.convolution.recursive_filters import NARROWEST, Filter, deriche, distance, vliet_young
+
+MOST_MODES = 1536
+"""Modes that the dct method keeps at most; a kernel that passes more is narrow enough for fir."""
+RECURSIVE = 1000.0
+"""px; wider filters have poles so near to 1 that float32 keeps too little of their distance from it."""
+
+
+Width = Annotated[Pixels, Field(ge=0, le=1e5)]
+Turn = Annotated[Degrees, Field(ge=-360, le=360)]
+
+
+class Parameters(OperationParameters):
+    sigma: Pixels = Field(ge=0, le=1e5, description="standard deviation")
+    sigma_x: Width | None = None
+    """along the first axis, x unless it is turned; sigma if left out"""
+    sigma_y: Width | None = None
+    """along the second axis, y unless it is turned; sigma if left out"""
+    angle: Turn = 0.0
+    """by which both axes are turned, from x towards y"""
+    border: Border = Field(Border.REFLECT, description="how the image continues beyond its edges")
+    value: float = Field(0.0, description="what lies beyond a constant border")
+    missing: Missing = Missing.SPREAD
+    """what becomes of samples that are NaN or infinite"""
+
+    @property
+    def turned(self) -> Turned | None:
+        """The kernel as one whose axes are turned; None where its axes are those of the image."""
+        along, across = self._given
+        return None if along == across or self.angle % 90 == 0 else Turned(along, across, self.angle % 180)
+
+    @property
+    def _given(self) -> tuple[float, float]:
+        along, across = (self.sigma if each is None else each for each in (self.sigma_x, self.sigma_y))
+        return along, across
+
+    @property
+    def deviations(self) -> tuple[float, float]:
+        """Standard deviations along y and along x, of a kernel whose axes are those of the image."""
+        along, across = self._given
+        return (along, across) if self.angle % 180 == 90 else (across, along)
+
+
+def check(p: Parameters, facts: InputFacts) -> list[Flaw]:
+    flaws, turned = check_mask(facts), p.turned
+    if turned is None:
+        return flaws
+    low, high = gaussian_turned.NARROWEST, gaussian_turned.WIDEST
+    for name, given in (("sigma_x", turned.along), ("sigma_y", turned.across)):
+        if not low <= given <= high:
+            flaws.append(Flaw(f"/parameters/{name}", f"must be within [{low:g}, {high:g}] where the axes are turned"))
+    if leaves_out(p.missing, facts):
+        flaws.append(Flaw("/parameters/angle", "must be a multiple of 90 where pixels are left out"))
+    return flaws
+
+
+def spread(p: Parameters, facts: InputFacts) -> tuple[float, float]:
+    """Largest difference between input values, and largest magnitude, with the constant beyond the border."""
+    extent = facts["image"].extent
+    low, high = extent.low, extent.high
+    if p.border is Border.CONSTANT:
+        low, high = min(low, p.value), max(high, p.value)
+    return high - low, max(abs(low), abs(high))
+
+
+def masked_radius(sigma: float) -> int:
+    """Where pixels may be left out, the kernel ends here in every method and in truth."""
+    return math.ceil(4 * sigma)
+
+
+# -------------------------------------------------------------------------------------------------------------- fir
+
+
+def _taps(p: Parameters, tail: float, facts: InputFacts) -> list[int]:
+    """Multiply-adds for each sample of the FIR passes, down and across."""
+    sizes = (facts["image"].height, facts["image"].width)
+    if leaves_out(p.missing, facts):
+        return [2 * masked_radius(sigma) + 1 for sigma in p.deviations]
+    return [min(2 * fir_radius(s, tail)[0] + 1, size) for s, size in zip(p.deviations, sizes, strict=True)]
+
+
+def fir_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
+    """Truncation, proved; plus rounding: n taps added in any order lose at most n + 1 roundings of the magnitude."""
+    wide, magnitude = spread(p, facts)
+    if p.turned is not None:
+        return _turned_error(p.turned, tail, wide, magnitude)
+    rounding = 1.01 * (sum(_taps(p, tail, facts)) + 4) * ROUNDING * magnitude
+    if leaves_out(p.missing, facts):
+        return renormalised_error(rounding, magnitude)
+    cut = sum(fir_radius(sigma, tail)[1] for sigma in p.deviations)
+    return Error(cut * wide + rounding, "bound", rounding)
+
+
+def _turned_error(turned: Turned, tail: float, wide: float, magnitude: float) -> Error:
+    """The weight outside the cut kernel, and what its products leave of what is inside."""
+    outside = gaussian_turned.cut(turned, tail)[1]
+    terms, left = gaussian_turned.taken_apart(turned, tail)
+    rounding = lowrank.rounding(terms, magnitude, 0.0)
+    return Error(outside * wide + lowrank.dropped(left, -magnitude, magnitude) + rounding, "bound", rounding)
+
+
+def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
+    """Multiply-adds, or the time to move samples where they are few: processors do one while the other waits.
+
+    Kernels longer than the image are folded onto it, which takes time for each number of that matrix.
+    """
+    image = facts["image"]
+    if p.turned is not None:
+        terms = len(gaussian_turned.taken_apart(p.turned, tail)[0])
+        return image.samples * terms * (sum(gaussian_turned.cut(p.turned, tail)[0].shape) + 60.0)
+    moved = image.samples * math.hypot(sum(_taps(p, tail, facts)), MOVED)
+    if leaves_out(p.missing, facts):
+        return 2 * moved
+    sides = zip(p.deviations, (image.height, image.width), strict=True)
+    return moved + FOLDED * sum(side * side for sigma, side in sides if 2 * fir_radius(sigma, tail)[0] >= side)
+
+
+MOVED, FOLDED = 54, 700
+"""Multiply-adds that take as long as moving a sample through both passes, or as folding into one number of a matrix."""
+
+
+# -------------------------------------------------------------------------------------------------------------- dct
+
+
+def dct_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
+    """Dropped modes, proved; rounding as the worst seen over sizes, sigmas and images, with a margin of two.
+
+    It grows with the root of the number of modes, as sums of independent roundings do.
+    """
+    image, (wide, magnitude) = facts["image"], spread(p, facts)
+    sides = zip(p.deviations, (image.height, image.width), strict=True)
+    (rows, below), (columns, beside) = (dct_modes(sigma, size, tail) for sigma, size in sides)
+    dropped = below + beside
+    rounding = (8 + 3 * math.sqrt(rows + columns)) * ROUNDING * magnitude
+    return Error(dropped * (1 + dropped) * wide + rounding, "estimate", rounding)
+
+
+def dct_work(p: Parameters, tail: float, facts: InputFacts) -> float:
+    """Multiply-adds of the four products, and what it takes to read the image, to write it and to flip the modes."""
+    image, (down, across) = facts["image"], p.deviations
+    rows, columns = dct_modes(down, image.height, tail)[0], dct_modes(across, image.width, tail)[0]
+    few = rows * image.width * image.channels
+    return 2.0 * image.samples * rows + 2.0 * few * columns + 90.0 * image.samples + 360.0 * few
+
+
+def dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
+    if p.border is not Border.REFLECT:
+        return f"the border is {p.border}; a cosine transform continues by reflection"
+    if reason := _not_plain(p, facts):
+        return reason
+    image = facts["image"]
+    sides = zip(p.deviations, (image.height, image.width), strict=True)
+    if max(dct_modes(sigma, size, 1e-7)[0] for sigma, size in sides) > MOST_MODES:
+        return f"more than {MOST_MODES} modes pass so narrow a kernel"
+    if image.extent.nonfinite:
+        return "a transform would spread NaN and infinity over the whole image"
+    return None
+
+
+def _not_plain(p: Parameters, facts: InputFacts) -> str | None:
+    if p.turned is not None:
+        return "its axes are turned; rows and columns cannot be filtered one after the other"
+    if leaves_out(p.missing, facts):
+        return "pixels are left out; which ones have a value must not depend on how the kernel is approximated"
+    return None
+
+
+# ---------------------------------------------------------------------------------------------- recursions and boxes
+
+
+def _within(p: Parameters, low: float, high: float = RECURSIVE) -> tuple[float, float]:
+    """The deviations as far as a method takes them: what it is predicted to do where it is unfit is of no use."""
+    down, across = (min(max(sigma, low), high) for sigma in p.deviations)
+    return down, across
+
+
+def deriche_filters(p: Parameters, order: float) -> tuple[Filter, Filter]:
+    """Down and across, of the largest even order that is not above the knob."""
+    down, across = _within(p, 1e-2)
+    return deriche(down, int(order) // 2 * 2), deriche(across, int(order) // 2 * 2)
+
+
+def vliet_young_filters(p: Parameters, order: float) -> tuple[Filter, Filter]:
+    down, across = _within(p, NARROWEST)
+    return vliet_young(down, int(order)), vliet_young(across, int(order))
+
+
+Filters = Callable[[Parameters, float], tuple[Filter, Filter]]
+
+
+def recursive_error(filters: Filters) -> Callable[[Parameters, float, InputFacts], Error]:
+    """The filters' distances from the Gaussian, the second meeting what the first has made; and rounding."""
+
+    def error(p: Parameters, order: float, facts: InputFacts) -> Error:
+        wide, magnitude = spread(p, facts)
+        (down, across), (below, beside) = filters(p, order), _within(p, 1e-2)
+        apart = distance(down, below) * across.gain + distance(across, beside)
+        rounding = 1.01 * (down.rounding(BLOCK) * across.gain + across.rounding(BLOCK) * down.gain) * magnitude
+        return Error(1.001 * apart * wide + rounding, "bound", rounding)
+
+    return error
+
+
+def recursive_work(filters: Filters) -> Callable[[Parameters, float, InputFacts], float]:
+    """Steps of the states, beside what it takes to read, turn and write the image twice; and sums before each line."""
+
+    def work(p: Parameters, order: float, facts: InputFacts) -> float:
+        image, total = facts["image"], 0.0
+        for each, side in zip(filters(p, order), (image.height, image.width), strict=True):
+            begun = min(each.reach / side, 1.0)
+            total += image.samples * (PASSED + len(each.poles) * (12 + 4 * begun))
+        return total
+
+    return work
+
+
+PASSED = 60.0
+"""Multiply-adds that take as long as moving a sample through one pass along lines."""
+
+
+def recursive_unfit(p: Parameters, facts: InputFacts, narrowest: float = 1e-2) -> str | None:
+    if reason := _not_plain(p, facts):
+        return reason
+    if facts["image"].extent.nonfinite:
+        return "a recursion never forgets NaN or infinity"
+    if max(p.deviations) > RECURSIVE:
+        return f"beyond {RECURSIVE:g} px the poles lie too near to 1 for float32"
+    if min(p.deviations) < narrowest:
+        return f"no such filter is as narrow as {min(p.deviations):g} px"
+    return None
+
+
+def vliet_young_unfit(p: Parameters, facts: InputFacts) -> str | None:
+    return recursive_unfit(p, facts, NARROWEST)
+
+
+def both_boxes(p: Parameters, extended: float) -> tuple[Boxes, Boxes]:
+    down, across = _within(p, 0.0)
+    return boxes(down, extended >= 0.5), boxes(across, extended >= 0.5)
+
+
+def boxes_error(p: Parameters, extended: float, facts: InputFacts) -> Error:
+    image, (wide, magnitude) = facts["image"], spread(p, facts)
+    (down, across), (below, beside) = both_boxes(p, extended), _within(p, 0.0)
+    rounding = 1.01 * (down.rounding(image.height) + across.rounding(image.width)) * magnitude
+    return Error((boxes_distance(down, below) + boxes_distance(across, beside)) * wide + rounding, "bound", rounding)
+
+
+def boxes_work(p: Parameters, extended: float, facts: InputFacts) -> float:
+    image = facts["image"]
+    beyond = sum(
+        2 * each.reach / side for each, side in zip(both_boxes(p, extended), (image.height, image.width), strict=True)
+    )
+    return image.samples * (2 + beyond) * (PASSED + 36)

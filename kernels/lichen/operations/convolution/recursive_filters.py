@@ -1,0 +1,155 @@
+"""Symmetric filters that a few recursions compute, how far they are from a Gaussian, and how they round.
+
+Each is a sum of damped waves, h[n] = Re sum over k of a[k] p[k]^|n| with |p| < 1, normalised to sum to 1: a recursion
+c[n] = p c[n - 1] + x[n] from either end of a line computes one of them, whatever the width.
+
+* `deriche`: the Gaussian exp(-x^2 / 2) for x >= 0 as a sum of `order` exponentials, taken at x = n / sigma. Deriche's
+  form; his coefficients minimise a squared error, these the l1 norm that the error of a blur is bounded by, and there
+  are some for more exponentials than his four.
+* `vliet_young`: the poles of an all-pole filter run forwards and backwards, powers of a prototype's with the exponent
+  that gives the filter exactly the variance sigma^2. In partial fractions it is the same sum of damped waves. As a
+  cascade, whose feedback coefficients lose |1 - p|^order of their digits, it would need doubles for wide kernels.
+
+Since both the filter and the Gaussian sum to 1, a result changes by at most half the l1 norm of their difference times
+the spread of the input: `distance` sums it, with the very poles that float32 holds.
+
+Sources: Deriche, Recursively implementing the Gaussian and its derivatives, INRIA report 1893 (1993); van Vliet, Young
+and Verbeek, Recursive Gaussian derivative filters, ICPR 1998; Getreuer, IPOL 3 (2013), for the error as an l1 norm.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from lichen.operation import ROUNDING
+from lichen.operations.convolution.gaussian_weights import BARELY, half_kernel
+
+Complex = npt.NDArray[np.complex128]
+
+_EXPONENTIALS = {
+    2: ((0.9229434082725071 - 2.2421931520827436j, 1.3475647278861258 - 0.8448809135580678j),),
+    4: (
+        (1.699499264146391 - 4.135295072148182j, 1.8304925036949884 - 0.6346407659004298j),
+        (-0.7010759740355241 + 0.3617954751946j, 1.775739756581996 - 2.003266265854167j),
+    ),
+    6: (
+        (3.2314679956992625 - 7.920633309923234j, 2.213997758701188 - 0.528730055913212j),
+        (-2.4042235472779048 + 1.1389596315426633j, 2.185469500857933 - 1.6219212516840582j),
+        (0.17272990139545996 + 0.0257082529637791j, 2.118111385595135 - 2.864259547732955j),
+    ),
+    8: (
+        (6.314652094667587 - 15.551157962399497j, 2.5408232965959976 - 0.46260724282831106j),
+        (-6.268312055153759 + 2.8972216102523523j, 2.522401199669343 - 1.4054699660874381j),
+        (0.9776379869456457 + 0.2473085783024902j, 2.4823207208637927 - 2.4111379106847117j),
+        (-0.023978399693391772 - 0.021360584846827457j, 2.410077548099213 - 3.578315579797239j),
+    ),
+}
+"""By the number of exponentials: pairs (a, d) of exp(-x^2 / 2) = Re sum of a exp(-d x), the conjugates merged."""
+
+_PROTOTYPES = {
+    3: (1.4165 + 1.00829j, 1.86543),
+    4: (1.13228 + 1.28114j, 1.78534 + 0.46763j),
+    5: (0.8643 + 1.45389j, 1.61433 + 0.83134j, 1.87504),
+}
+"""Poles of van Vliet, Young and Verbeek for sigma = 2, by order; of conjugates one."""
+NARROWEST = 0.5
+"""px: no power of the prototypes' poles has a smaller variance, with some margin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Filter:
+    """h[n] = Re sum of `weights` x `poles`^|n|; it sums to 1. Its poles are numbers of float32."""
+
+    poles: Complex
+    weights: Complex
+
+    @classmethod
+    def of(cls, poles: Complex, weights: Complex) -> Filter:
+        held = poles.real.astype(np.float32) + 1j * poles.imag.astype(np.float32).astype(np.complex128)
+        total = float((weights * (1 + held) / (1 - held)).real.sum())
+        return cls(held, weights / total)
+
+    @property
+    def reach(self) -> int:
+        """Samples after which a state has forgotten all but 1e-12 of itself."""
+        damping = max(float(np.abs(self.poles).max()), 1e-300)
+        return max(math.ceil(math.log(1e-12) / math.log(damping)), 1)
+
+    def response(self, count: int) -> npt.NDArray[np.float64]:
+        """h[0], h[1] ... h[count - 1]."""
+        with np.errstate(divide="ignore"):
+            logs = np.log(self.poles)
+        powers = np.exp(np.multiply.outer(np.arange(count), np.where(np.isfinite(logs), logs, -1e300)))
+        made: npt.NDArray[np.float64] = (powers @ self.weights).real
+        return made
+
+    def rounding(self, block: int) -> float:
+        """Of one pass over values of magnitude 1 in float32, at most.
+
+        A state is at most C = 1 / (1 - |p|). A step rounds two products and two sums of its parts, and each of these
+        errors dies away as the state itself does; so do those of the state that a line begins with, which is summed
+        from the smallest weight on. The result adds two parts of every state of both ends, by rounded weights; where it
+        is computed in blocks, `block` products more.
+        """
+        damped = 1 / (1 - np.abs(self.poles))
+        turned = (1 + np.abs(self.poles.imag)) * damped
+        step = np.hypot(turned + 1, turned)
+        state = (step + 2 * damped + 2) * damped
+        gain = np.abs(self.weights)
+        adding = (8 * len(self.poles) + 4) * float(gain @ damped)
+        return 1.01 * ROUNDING * (2 * float(gain @ state) + adding + block * self.gain)
+
+    @property
+    def gain(self) -> float:
+        """The l1 norm."""
+        half = np.abs(self.response(self.reach))
+        return float(half[0] + 2 * half[1:].sum())
+
+
+@lru_cache(maxsize=256)
+def deriche(sigma: float, order: int) -> Filter:
+    """`order` 2, 4, 6 or 8."""
+    weights, exponents = (np.array(each) for each in zip(*_EXPONENTIALS[order], strict=True))
+    return Filter.of(np.exp(-exponents / sigma), weights)
+
+
+@lru_cache(maxsize=256)
+def vliet_young(sigma: float, order: int) -> Filter:
+    """`order` 3, 4 or 5; `sigma` at least `NARROWEST`."""
+    prototype = np.array(_PROTOTYPES[order], np.complex128)
+    single = np.where(prototype.imag == 0, 1, 2)
+    low, high = 1e-3, 1.0
+    while _variance(prototype, single, high) < sigma**2:
+        high *= 2
+    for _ in range(80):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _variance(prototype, single, middle) < sigma**2 else (low, middle)
+    poles = prototype ** (-1 / high)
+    everyone = np.concatenate([poles, poles[single == 2].conj()])
+    weights = np.empty_like(poles)
+    for k, pole in enumerate(poles):
+        others = np.delete(everyone, k)
+        weights[k] = single[k] / (np.prod(1 - others / pole) * np.prod(1 - everyone * pole))
+    return Filter.of(poles, weights)
+
+
+def _variance(prototype: Complex, single: npt.NDArray[np.int64], power: float) -> float:
+    """Of the filter whose poles are the prototype's inverse, to the power 1 / `power`."""
+    poles = prototype ** (-1 / power)
+    return float((single * 2 * poles / (1 - poles) ** 2).real.sum())
+
+
+@lru_cache(maxsize=256)
+def distance(filtered: Filter, sigma: float) -> float:
+    """Half the l1 norm of the filter less the Gaussian: what one pass does to values that differ by 1, at most."""
+    half = half_kernel(sigma)
+    damping = max(float(np.abs(filtered.poles).max()), 1e-300)
+    count = max(len(half), math.ceil(math.log(BARELY) / math.log(damping)))
+    apart = filtered.response(count)
+    apart[: len(half)] -= half
+    return float(np.abs(apart[0]) / 2 + np.abs(apart[1:]).sum())

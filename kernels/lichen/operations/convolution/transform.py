@@ -1,0 +1,72 @@
+"""Correlation by the product of spectra, in doubles, and what becomes of NaN and infinity there.
+
+A transform mixes every sample with every other. Samples that are not finite are therefore taken out before, and where a
+tap meets one the result is set to what the sum would be: whether it does is a correlation of where they lie with where
+the taps are, whose results are whole numbers and thus known without error.
+
+Source: Oppenheim and Schafer, Discrete-Time Signal Processing (1989), 8.7.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lichen.memory import Array, aligned_empty
+from lichen.operation import Border
+from lichen.operations.convolution.kernels import Matrix
+from lichen.operations.convolution.stencil import Stencil, continue_image
+
+
+def correlated_by_transform(pixels: Array, whole: Stencil, border: Border, value: float) -> Array:
+    """float32 (height, width, channels)."""
+    (tall, wide), (height, width, channels) = whole.taps.shape, pixels.shape
+    rows, columns = (whole.top, tall - 1 - whole.top), (whole.left, wide - 1 - whole.left)
+    around = continue_image(pixels, rows, columns, border, value)
+    sides = transform_sides(height, width, (tall, wide))
+    spectrum = np.conj(np.fft.rfft2(whole.taps, sides))
+    out = aligned_empty(pixels.shape)
+    for channel in range(channels):
+        plane = around[..., channel].astype(np.float64)
+        finite = np.isfinite(plane)
+        clean = plane if finite.all() else np.where(finite, plane, 0.0)
+        product = np.fft.rfft2(clean, sides) * spectrum
+        made = np.fft.irfft2(product, sides)[:height, :width] + whole.bias
+        if clean is not plane:
+            _set_nonfinite(made, plane, whole.taps, sides)
+        out[..., channel] = made
+    return out
+
+
+def _set_nonfinite(made: Matrix, plane: Matrix, taps: Matrix, sides: tuple[int, int]) -> None:
+    """NaN where a tap meets NaN or both infinities, an infinity where taps meet that of one sign."""
+
+    def meets(where: Array, tapped: Array) -> Array:
+        if not (where.any() and tapped.any()):
+            return np.zeros(made.shape, bool)
+        product = np.fft.rfft2(where.astype(np.float64), sides) * np.conj(
+            np.fft.rfft2(tapped.astype(np.float64), sides)
+        )
+        return np.asarray(np.fft.irfft2(product, sides)[: made.shape[0], : made.shape[1]] > 0.5)
+
+    above = meets(plane == np.inf, taps > 0) | meets(plane == -np.inf, taps < 0)
+    below = meets(plane == np.inf, taps < 0) | meets(plane == -np.inf, taps > 0)
+    made[above], made[below] = np.inf, -np.inf
+    made[(above & below) | meets(np.isnan(plane), taps != 0)] = np.nan
+
+
+def transform_sides(height: int, width: int, kernel: tuple[int, ...]) -> tuple[int, int]:
+    """Rows and columns of the transform: image and kernel, up to sizes whose factors are 2, 3 and 5."""
+    tall, wide = kernel
+    return _smooth_size(height + tall - 1), _smooth_size(width + wide - 1)
+
+
+def _smooth_size(least: int) -> int:
+    """The smallest number >= `least` without prime factors beyond 5."""
+    while True:
+        rest = least
+        for factor in (2, 3, 5):
+            while rest % factor == 0:
+                rest //= factor
+        if rest == 1:
+            return least
+        least += 1
