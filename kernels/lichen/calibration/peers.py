@@ -18,7 +18,7 @@ import numpy as np
 from lichen.image import Alpha
 from lichen.memory import Array
 from lichen.operation import Inputs, Operation, OperationParameters
-from lichen.operations.streamlines.lic import texture_of
+from lichen.operations.streamlines.task import texture_of
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,8 @@ def _rlic(library: Any, inputs: Inputs, p: Any) -> Job:
 
 
 def _rlic_same(p: Any) -> bool:
-    plain = (p.kernel, p.speed, p.bias) == ("box", "arc", 0)
+    plain = (p.kernel, p.speed, p.bias, p.border, p.frames) == ("box", "arc", 0, "end", 1)
+    plain = plain and (p.oriented, p.enhance, p.contrast, p.colour, p.grain) == (False, 0, 0, "none", 1)
     return plain and p.length == round(p.length) and p.scale > 0
 
 

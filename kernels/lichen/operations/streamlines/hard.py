@@ -103,6 +103,38 @@ def _sized(height: int, width: int, rows: int, columns: int) -> Maker:
     return lambda: {"field": _field(height, width, lambda x, y: (y - 3, 5 - x)), "texture": _noise(rows, columns, 3)}
 
 
+def _half_masked() -> Inputs:
+    mask = np.ones((24, 40, 1), np.float32)
+    mask[:, 20:] = 0
+    return {"field": _field(24, 40, lambda x, y: (1.0, 0.0)), "texture": _noise(24, 40), "mask": mask}
+
+
+def _masked_kept(inputs: Inputs, result: Array) -> str | None:
+    if not np.array_equal(result[:, 20:], _texture(inputs)[:, 20:]):
+        return "a masked pixel changed"
+    return "nothing changed" if np.array_equal(result[:, :18], _texture(inputs)[:, :18]) else _a_mean(inputs, result)
+
+
+def _turned() -> Inputs:
+    """Two slices that cancel in the middle."""
+    return {"field": _field(20, 30, lambda x, y: (1.0, 0.5)), "later": _field(20, 30, lambda x, y: (-1.0, -0.5)),
+            "texture": _noise(20, 30)}  # fmt: skip
+
+
+def _same_all_round(inputs: Inputs, result: Array) -> str | None:
+    """Lines along whole rows of a periodic image: each pixel of a row is the mean of the row."""
+    means = _texture(inputs).mean(axis=1, keepdims=True)
+    worst = float(np.abs(result - means).max())
+    return None if worst <= 1e-4 else f"a pixel is {worst:.3g} off the mean of its row"
+
+
+def _still_frames(inputs: Inputs, result: Array) -> str | None:
+    texture = np.concatenate([_texture(inputs)] * 3)
+    return None if np.array_equal(texture, result) else "a constant texture changed"
+
+
+_STEPPING = ("nearest", "euler", "rk2", "rk4", "rk45", "fastlic")
+"""Methods that keep whole rows apart: positions in codes do not."""
 _LONG = {"length": 60.0}
 _SHORT = {"length": 6.0}
 
@@ -151,8 +183,46 @@ HARD_CASES = (
         _striped(lambda x, y: (np.where(x < 20, 1e30, 1e-30), 0)),
         _LONG,
         _rows_kept,
+        _STEPPING,
     ),
-    HardCase("denormal vectors", "a reciprocal overflows", _striped(lambda x, y: (1e-40, 0)), _LONG, _rows_kept),
+    HardCase(
+        "denormal vectors",
+        "a reciprocal overflows",
+        _striped(lambda x, y: (1e-40, 0)),
+        _LONG,
+        _rows_kept,
+        _STEPPING,
+    ),
+    HardCase("mask", "what is masked has no line", _half_masked, _SHORT, _masked_kept),
+    HardCase(
+        "slices that cancel",
+        "there is no field half way",
+        _turned,
+        {"length": 6.0, "time": 0.5},
+        _unchanged,
+    ),
+    HardCase(
+        "twice round a periodic image",
+        "a line is longer than the image",
+        _with_noise(6, 16, lambda x, y: (2, 0)),
+        {"length": 16.0, "border": "wrap"},
+        _same_all_round,
+        ("rk2", "rk4"),
+    ),
+    HardCase(
+        "odd length",
+        "it is no whole number of steps",
+        _with_noise(9, 13, lambda x, y: (y, 6 - x)),
+        {"length": 7.31},
+        _a_mean,
+    ),
+    HardCase(
+        "frames over a constant",
+        "every phase sums to one",
+        lambda: {"field": _field(9, 12, lambda x, y: (y, 6 - x)), "texture": np.full((9, 12, 1), 0.7, np.float32)},
+        {"length": 9.0, "kernel": "ripple", "frames": 3},
+        _still_frames,
+    ),
     HardCase(
         "vectors of 1e30 by time",
         "one step leaves the image",

@@ -61,6 +61,7 @@ kernel void walk(global const Step *restrict steps, global const float *restrict
     texture += channel;
     for (int way = 0; way < 2; ++way) {
         const float by = way ? -step : step;
+        global const float *along = weights + way * (count + 1);
         EACH {
             columns[i] = min(first + i, width - 1);
             const Step s = steps[row * width + columns[i]];
@@ -71,8 +72,9 @@ kernel void walk(global const Step *restrict steps, global const float *restrict
             if (!way) {
                 own[i] = texture[TEXEL_AT((float)columns[i] + 0.5f, (float)row + 0.5f, row * width + columns[i])];
                 sum[i] = 0.0f;
-                weight[i] = weights[0];
+                weight[i] = 0.0f;
             }
+            weight[i] += along[0];
         }
         for (int k = 1; k <= count; ++k) {
             if (edge) EACH {
@@ -83,7 +85,7 @@ kernel void walk(global const Step *restrict steps, global const float *restrict
                 u[i] = stays ? u[i] : 0.0f;
                 v[i] = stays ? v[i] : 0.0f;
             }
-            const float w = weights[k];
+            const float w = along[k];
             EACH {
                 x[i] = fma(by, u[i], x[i]);
                 y[i] = fma(by, v[i], y[i]);
@@ -106,6 +108,6 @@ kernel void walk(global const Step *restrict steps, global const float *restrict
     }
     EACH {
         if (first + i >= width) break;
-        result[((size_t)row * width + first + i) * stride + channel] = own[i] + sum[i] / weight[i];
+        result[((size_t)row * width + first + i) * stride + channel] = weight[i] > 0.0f ? own[i] + sum[i] / weight[i] : own[i];
     }
 }
