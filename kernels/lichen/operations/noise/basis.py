@@ -1,9 +1,8 @@
 """What a basis is to the machinery that sums octaves of it: a noise on a lattice whose rows run along x.
 
-A pixel's row meets the lattice in a few *lines*: rows of lattice points beside it, one for each of the nearest rows along
-y in each of the nearest slices along z and w. A line has a hash key and its distances from the pixel's row, so what is
-left to do for every pixel is to hash the nearest points along x and to weigh what they say.
-"""
+A pixel's row meets the lattice in a few *lines*: rows of lattice points beside it, one for each of the nearest rows
+along y in each of the nearest slices along z and w. A line has a hash key and its distances from the pixel's row, so
+what is left to do for every pixel is to hash the nearest points along x and to weigh what they say."""
 
 from __future__ import annotations
 
@@ -50,12 +49,12 @@ class Place:
     y_period: int
     slices: tuple[Slice, ...]
 
-    def row(self, part: Slice, offset: int) -> tuple[Words, Words]:
+    def row(self, part: Slice, offset: int | Array) -> tuple[Words, Words]:
         """The key of the line of a slice, `offset` rows below the pixel's own cell."""
         cells = self.y_cells + offset
         return chained(part.key, cells % self.y_period if self.y_period else cells)
 
-    def column(self, offset: int) -> Array:
+    def column(self, offset: int | Array) -> Array:
         """Numbers of the cells `offset` to the right."""
         cells = self.x_cells + offset
         return cells % self.x_period if self.x_period else cells
@@ -84,7 +83,7 @@ class Basis(Generic[P]):
     work: Callable[[P], float]
     """of one octave at one pixel, in gradients hashed and weighed"""
     defines: Callable[[P], dict[str, int]]
-    numbers: Callable[[P], tuple[float, float]] = lambda p: (0.0, 0.0)
+    numbers: Callable[[P], tuple[float, ...]] = lambda p: (0.0,)
     """that its kernel takes"""
 
 
@@ -92,7 +91,7 @@ def corners(key: Key, axes: tuple[Axis, ...], reach: tuple[int, ...] = (0, 1)) -
     """Slices through the cells around z and w, `reach` cells from their own: the key and the distances of each."""
     for offsets in product(reach, repeat=len(axes) - 2):
         found = (np.atleast_1d(np.uint32(key[0])), np.atleast_1d(np.uint32(key[1])))
-        away = []
+        away: list[float] = []
         for axis, offset in reversed(list(zip(axes[2:], offsets, strict=True))):
             found = chained((found[0], found[1]), axis.wrapped(axis.cells + offset))
             away.insert(0, float(axis.fractions[0]) - offset)

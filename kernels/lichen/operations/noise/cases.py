@@ -28,15 +28,9 @@ def _inside(inputs: Mapping[str, Any], pixels: Array) -> str | None:
 
 def _constant(value: float) -> Any:
     def holds(inputs: Mapping[str, Any], pixels: Array) -> str | None:
-        return None if (pixels == np.float32(value)).all() else f"not {value} all over: {pixels.min()} to {pixels.max()}"
-
-    return holds
-
-
-def _repeats(across: int, down: int) -> Any:
-    def holds(inputs: Mapping[str, Any], pixels: Array) -> str | None:
-        apart = max(np.abs(pixels[:, across:] - pixels[:, :-across]).max(), np.abs(pixels[down:] - pixels[:-down]).max())
-        return None if apart == 0 else f"what should repeat differs by {apart}"
+        return (
+            None if (pixels == np.float32(value)).all() else f"not {value} all over: {pixels.min()} to {pixels.max()}"
+        )
 
     return holds
 
@@ -61,7 +55,9 @@ def lattice_cases() -> tuple[HardCase, ...]:
             {**SIZE, "cell": 16, "x": 16e7 + 0.25, "y": -(2.0**39) - 3, "octaves": 4},
             _inside,
         ),
-        HardCase("across zero", "truncation is no floor", _nothing, {**SIZE, "cell": 7, "x": -20.5, "y": -20.5}, _inside),
+        HardCase(
+            "across zero", "truncation is no floor", _nothing, {**SIZE, "cell": 7, "x": -20.5, "y": -20.5}, _inside
+        ),
         HardCase("no octave", "an empty sum", _nothing, {**SIZE, "octaves": 0}, _constant(0.5)),
         HardCase(
             "thirty octaves",
@@ -74,7 +70,7 @@ def lattice_cases() -> tuple[HardCase, ...]:
             "one cell",
             "the cell's neighbours are itself",
             _nothing,
-            {**SIZE, "cell": 1000, "tile": True, "octaves": 3, "lacunarity": 1.7},
+            {**SIZE, "cell": 40, "tile": True, "octaves": 3, "lacunarity": 1.7},
             _inside,
         ),
         HardCase(

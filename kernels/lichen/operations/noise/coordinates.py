@@ -1,9 +1,8 @@
 """Coordinates as whole cells and the fraction of one, so that far from the origin is as good as near it.
 
 A pixel's coordinate is (first + i + 1/2) frequency + shift, all of them doubles. The sum and the product are taken
-without error, as two doubles each (Knuth 1969, 4.2.2; Dekker, Numerische Mathematik 18, 1971), and split afterwards: the
-fraction is right to 2^-52 wherever the coordinate is below `FARTHEST` cells.
-"""
+without error, as two doubles each (Knuth 1969, 4.2.2; Dekker, Numerische Mathematik 18, 1971), and split afterwards:
+the fraction is right to 2^-52 wherever the coordinate is below `FARTHEST` cells."""
 
 from __future__ import annotations
 
@@ -60,7 +59,7 @@ def _axis(high: Array, low: Array, frequency: float, shift: float, period: int) 
     return Axis(cells % period if period else cells, fractions - carried, period)
 
 
-def _sum(a: npt.ArrayLike, b: Array) -> tuple[Array, Array]:
+def _sum(a: np.float64, b: Array) -> tuple[Array, Array]:
     """a + b as the nearest double and the rest."""
     total = np.asarray(a + b)
     part = total - a

@@ -1,11 +1,10 @@
 """What a sum of octaves can be wrong by: roundings counted through the sum, and what the knob leaves out.
 
-A basis states the error of one octave in units of the roundoff u, counted over its arithmetic. The sum adds it with each
-octave's amplitude, a ridge also with the weight that the octave before it gave. Places that are moved are wrong by what
-moves them, which counts by the slope of the noise. Derivatives count by the frequency of their octave; where an octave goes
-in by its magnitude, or the basis has creases itself, a rounding beside the crease turns a slope over, and nothing less
-than twice the slope can be promised.
-"""
+A basis states the error of one octave in units of the roundoff u, counted over its arithmetic. The sum adds it with
+each octave's amplitude, a ridge also with the weight that the octave before it gave. Places that are moved are wrong by
+what moves them, which counts by the slope of the noise. Derivatives count by the frequency of their octave; where an
+octave goes in by its magnitude, or the basis has creases itself, a rounding beside the crease turns a slope over, and
+nothing less than twice the slope can be promised."""
 
 from __future__ import annotations
 
@@ -90,7 +89,8 @@ def error(p: Any, basis: Basis[Any], tail: float, *, double: bool) -> Error:
     steep = half * steepest(p, basis, shown)
     sloped = half * found.slope + 4 * ROUNDING * steep
     certain = not (p.folds or p.warp or basis.slope_rounding(p) is None)
-    dropped = half * sum(factor(p) * o.amplitude * o.kept * max(o.frequency) * basis.slope(p) for o in shown.computed[len(computed.computed) :])
+    gone = shown.computed[len(computed.computed) :]
+    dropped = half * basis.slope(p) * factor(p) * sum(o.amplitude * o.kept * max(o.frequency) for o in gone)
     if certain:
         return Error(max(half * lost + rounding, dropped + sloped), "bound", max(rounding, sloped))
     usual = max(half * lost + rounding, dropped + sloped)

@@ -1,8 +1,7 @@
 """Gradients that hashes stand for: the NumPy twin of gradient.clh.
 
-Eight directions 22.5 + 45 k degrees in two dimensions, none of them an axis; the twelve edges of a cube in three (Perlin
-2002); the 32 edges of a hypercube, (0, 1, 1, 1) with all signs and places, in four.
-"""
+Eight directions 22.5 + 45 k degrees in two dimensions, none of them an axis; the twelve edges of a cube in three
+(Perlin 2002); the 32 edges of a hypercube, (0, 1, 1, 1) with all signs and places, in four."""
 
 from __future__ import annotations
 

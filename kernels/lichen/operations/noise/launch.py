@@ -35,7 +35,8 @@ class Task:
     @property
     def stride(self) -> int:
         """Pixels from row to row of a plane, so that whole vectors are read."""
-        return -(-self.p.width // SEGMENT) * SEGMENT
+        width: int = self.p.width
+        return -(-width // SEGMENT) * SEGMENT
 
     def run(self, device: Device) -> Array:
         out = aligned_empty((self.p.height, self.p.width, self.p.channels))
@@ -59,29 +60,24 @@ class Task:
         p, real = self.p, np.dtype(self.dtype).type
         lattices = placed(p, self.basis, self.cut, stream)
         middle, half = (p.middle, p.half) if planes is None else (0.0, 1.0)
-        integers = (p.width, p.height, self.stride, len(lattices), len(shape.left))
+        integers = (p.width, p.height, self.stride, len(lattices), len(shape.left), FRACTALS[shape.fractal])
         session.launch(
             SOURCE, "sum", (-(-p.width // SEGMENT) * p.height,),
-            *self._axes(lattices), *self._slices(lattices), self._terms(shape, lattices), *moved,
+            *self._axes(lattices), *self._slices(lattices), self._terms(shape, lattices), self._own(), *moved,
             planes if planes is None else session.write(planes), out if out is None else session.write(out),
             *(np.int32(n) for n in integers),
-            *(real(n) for n in (shape.start, shape.mean, middle, half, p.warp, *self.basis.numbers(p))),
-            local=LOCAL, defines=self._defines(shape, lattices, moved, planes is not None),
+            *(real(n) for n in (shape.start, shape.mean, middle, half, p.warp)),
+            local=LOCAL, defines=self._defines(lattices, warped=moved[0] is not None),
         )  # fmt: skip
 
-    def _defines(
-        self, shape: Shape, lattices: tuple[Placed, ...], moved: list[Array | None], planes: bool
-    ) -> dict[str, int]:
+    def _defines(self, lattices: tuple[Placed, ...], *, warped: bool) -> dict[str, int]:
         return {
             **self.basis.defines(self.p),
             "DOUBLE": int(np.dtype(self.dtype) == np.float64),
             "DIMENSIONS": self.p.dimensions,
             "SLICES": len(lattices[0].slices) if lattices else 1,
-            "FRACTAL": FRACTALS[shape.fractal],
             "DERIVATIVES": int(self.p.output is Output.DERIVATIVES),
-            "TILED": int(self.p.tile),
-            "WARPED": int(moved[0] is not None),
-            "PLANES": int(planes),
+            "WARPED": int(warped),
         }
 
     def _axes(self, lattices: tuple[Placed, ...]) -> tuple[Array, Array, Array, Array]:
@@ -100,11 +96,21 @@ class Task:
     def _slices(self, lattices: tuple[Placed, ...]) -> tuple[Array, Array]:
         """Keys of all slices, and their distances, weights and whether they are centred, octave by octave."""
         found = [part for each in lattices for part in each.slices]
-        keys, places = aligned_empty((max(len(found), 1), 2), np.uint32), aligned_empty((max(len(found), 1), 4), self.dtype)
+        keys, places = (
+            aligned_empty((max(len(found), 1), 2), np.uint32),
+            aligned_empty((max(len(found), 1), 4), self.dtype),
+        )
         for at, part in enumerate(found):
             keys[at] = part.key
             places[at] = part.z, part.w, part.weight, part.centred
         return keys, places
+
+    def _own(self) -> Array:
+        """The numbers of the basis."""
+        numbers = self.basis.numbers(self.p)
+        own = aligned_empty((len(numbers),), self.dtype)
+        own[...] = numbers
+        return own
 
     def _terms(self, shape: Shape, lattices: tuple[Placed, ...]) -> Array:
         """Eight numbers for each octave: `Octave` in sum.cl. Octaves that are left out have an amplitude alone."""

@@ -4,11 +4,10 @@ Octave k has frequency lacunarity^k / cell along each axis, its own hash key, an
 own, so that octaves do not share the zeros of their lattices (McReynolds and Blythe, section 5.13.4). In a picture that
 repeats, frequencies are rounded to a whole number of cells, so lacunarity need not be an integer.
 
-A noise whose power ends at `band` cycles per cell cannot be sampled at more than half a cycle per px. With `antialias` an
-octave counts in full while twice its band can be shown, fades with the logarithm of its frequency, and from the limit on
-is replaced by its mean, as in Pharr, Jakob and Humphreys, Physically Based Rendering, section 10.6. Nothing of that is an
-error: it is the definition, and `Cut` says how much it leaves out.
-"""
+A noise whose power ends at `band` cycles per cell cannot be sampled at more than half a cycle per px. With `antialias`
+an octave counts in full while twice its band can be shown, fades with the logarithm of its frequency, and from the
+limit on is replaced by its mean, as in Pharr, Jakob and Humphreys, Physically Based Rendering, section 10.6. Nothing of
+that is an error: it is the definition, and `Cut` says how much it leaves out."""
 
 from __future__ import annotations
 
@@ -112,9 +111,7 @@ def octaves(p: LatticeParameters, lattice: Lattice) -> tuple[Octave, ...]:
         kept = smooth(-1 - math.log2(fastest)) if p.antialias else 1.0
         shift = (0.0,) * 4 if k == 0 else _shift(p.seed, k)
         depth = period_z / p.loop if p.loop else scale
-        found.append(
-            Octave(k, amplitude / total, kept, (across, down), (period_x, period_y, period_z), depth, shift)
-        )
+        found.append(Octave(k, amplitude / total, kept, (across, down), (period_x, period_y, period_z), depth, shift))
     return tuple(found)
 
 

@@ -28,6 +28,7 @@ from lichen.operations.noise.interpolation import STEEPEST, Fade, FadedParameter
 from lichen.operations.noise.means import mean_magnitude
 from lichen.operations.noise.octaves import Lattice
 
+
 def scale(dimensions: int) -> float:
     """What brings the bound of the sum to 1."""
     return 2 / (math.sqrt(dimensions) * LENGTH[dimensions])
@@ -44,21 +45,24 @@ def evaluate(place: Place, p: FadedParameters, derivatives: bool) -> Values:
 
 
 def _rounding(p: FadedParameters) -> float:
-    """Distances carry one rounding; a fade six and their slope; each axis' weights twice that; and the sum of corners."""
+    """Distances carry one rounding; a fade six and their slope; each axis' weights twice that; and the sum of
+    corners."""
     far, ones = LENGTH[p.dimensions] * math.sqrt(p.dimensions), ONES[p.dimensions]
-    return scale(p.dimensions) * (2 * ones + 12 * far + 10 * (p.dimensions - 1) * far + 2 ** (p.dimensions - 1) * far)
+    return scale(p.dimensions) * float(
+        2 * ones + 12 * far + 10 * (p.dimensions - 1) * far + 2 ** (p.dimensions - 1) * far
+    )
 
 
 def _slope_rounding(p: FadedParameters) -> float:
     far, ones = LENGTH[p.dimensions] * math.sqrt(p.dimensions), ONES[p.dimensions]
     one_line = 24 + 22 * far + 1.875 * (4 * ones + 2 * far)
     sums = (p.dimensions - 1) * 10 * (2 + 3.75 * far) + 2 ** (p.dimensions - 1) * (1 + 3.75 * far)
-    return scale(p.dimensions) * (one_line + sums)
+    return scale(p.dimensions) * float(one_line + sums)
 
 
 BANDS = {2: 1.24, 3: 1.14, 4: 1.08}
 
-BASIS = Basis[FadedParameters](
+BASIS: Basis[FadedParameters] = Basis(
     lattice=lambda p: Lattice(BANDS[p.dimensions]),
     slices=slices,
     evaluate=evaluate,
@@ -67,7 +71,8 @@ BASIS = Basis[FadedParameters](
     rounding=_rounding,
     slope_rounding=_slope_rounding,
     work=lambda p: 2.0**p.dimensions,
-    defines=lambda p: {"BASIS": 0, "GRADIENTS": 1, "FADE": int(p.fade is Fade.QUINTIC)},
+    defines=lambda p: {"BASIS": 0, "GRADIENTS": 1},
+    numbers=lambda p: (float(p.fade is Fade.QUINTIC),),
 )
 
 perlin_noise = declared(

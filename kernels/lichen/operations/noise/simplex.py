@@ -1,26 +1,25 @@
 """Simplex noise: a smooth bump with a gradient around every point of a lattice, summed.
 
 Truth: n is the sum over the lattice points within a radius R of (R^2 - r^2)^4 g . d, where d is the way from the point,
-r its length and g the gradient of the point's hash. R is the height of a simplex of the lattice, so no bump reaches beyond
-the simplices around its point and the sum has three continuous derivatives everywhere: the radius of many programs,
-sqrt(0.6), is larger and jumps. The lattices are such that pictures can repeat along x and y:
+r its length and g the gradient of the point's hash. R is the height of a simplex of the lattice, so no bump reaches
+beyond the simplices around its point and the sum has three continuous derivatives everywhere: the radius of many
+programs, sqrt(0.6), is larger and jumps. The lattices are such that pictures can repeat along x and y:
 
 * two dimensions: equilateral triangles of side 1, rows along x; R^2 = 3/4;
-* three: the corners and the centres of unit cubes, whose simplices are the tetrahedra of Perlin's skewed cubes, standing
-  upright; R^2 = 1/2;
+* three: the corners and the centres of unit cubes, whose simplices are the tetrahedra of Perlin's skewed cubes,
+  standing upright; R^2 = 1/2;
 * four: likewise the corners and centres of unit hypercubes (the lattice D4; its cells are no simplices); R^2 = 1/2.
 
 A cell is a triangle's side, or the side of a cube. Perlin's unit is 0.82 of the triangle's side.
 
-Range: with unit gradients the sum is at most the sum over the points of (R^2 - r^2)^4 r. In two dimensions that is largest
-in the middle of a side, where it is 1/16; in three and four the maximum was found on a grid, 1/107.65 and 1/108.73. n is
-scaled by a little less than the inverse, which makes the bound 1.
+Range: with unit gradients the sum is at most the sum over the points of (R^2 - r^2)^4 r. In two dimensions that is
+largest in the middle of a side, where it is 1/16; in three and four the maximum was found on a grid, 1/107.65 and
+1/108.73. n is scaled by a little less than the inverse, which makes the bound 1.
 
 Methods look at two points of each row of the lattice that comes near enough: others are out of reach.
 
-Sources: Perlin, Noise hardware, SIGGRAPH course 36, 2001; Gustavson, Simplex noise demystified, 2005; Conway and Sloane,
-Sphere packings, lattices and groups, chapter 4.
-"""
+Sources: Perlin, Noise hardware, SIGGRAPH course 36, 2001; Gustavson, Simplex noise demystified, 2005; Conway and
+Sloane, Sphere packings, lattices and groups, chapter 4."""
 
 from __future__ import annotations
 
@@ -107,8 +106,8 @@ STEEPEST = {2: 6.5, 3: 7.5, 4: 8.0}
 
 
 def _rounding(p: Parameters) -> float:
-    """Of each bump: r^2 carries three roundings of up to 1, which count eightfold by the fourth power's slope; the product
-    with the gradient two for each component."""
+    """Of each bump: r^2 carries three roundings of up to 1, which count eightfold by the fourth power's slope; the
+    product with the gradient two for each component."""
     top = REACH[p.dimensions] ** 4
     one = 4 * REACH[p.dimensions] ** 3 * 5 * 0.87 + top * (3 * ONES[p.dimensions] + 5)
     return INVERSE[p.dimensions] / LENGTH[p.dimensions] * one * (4 if p.dimensions == 2 else 6)
@@ -120,9 +119,11 @@ def _steepest_here(p: Parameters) -> float:
 
 BANDS = {2: 1.5, 3: 1.5, 4: 1.5}
 
-BASIS = Basis[Parameters](
+BASIS: Basis[Parameters] = Basis(
     lattice=lambda p: (
-        Lattice(BANDS[2], rows_per_cell=1 / HEIGHT, rows_multiple=2) if p.dimensions == 2 else Lattice(BANDS[p.dimensions])
+        Lattice(BANDS[2], rows_per_cell=1 / HEIGHT, rows_multiple=2)
+        if p.dimensions == 2
+        else Lattice(BANDS[p.dimensions])
     ),
     slices=slices,
     evaluate=evaluate,
@@ -131,13 +132,13 @@ BASIS = Basis[Parameters](
     rounding=_rounding,
     slope_rounding=lambda p: 12 * _rounding(p),
     work=lambda p: {2: 5.0, 3: 9.0, 4: 12.0}[p.dimensions],
-    defines=lambda p: {"BASIS": 1, "GRADIENTS": 1, "FADE": 1},
+    defines=lambda p: {"BASIS": 1, "GRADIENTS": 1},
 )
 
 simplex_noise = declared(
     BASIS,
     name="simplex_noise",
-    summary="Simplex noise: octaves of smooth bumps on a lattice of triangles or tetrahedra, tileable, with derivatives.",
+    summary="Simplex noise: octaves of smooth bumps on triangles or tetrahedra, tileable, with derivatives.",
     description=__doc__ or "",
     parameters=Parameters,
     examples=(

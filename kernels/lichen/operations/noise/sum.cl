@@ -1,8 +1,7 @@
 // Octaves of a basis on a lattice, summed. octaves.py says what an octave is, fractal.py how they become one.
 //
 // One work-item takes a segment of a row: what the row meets of the lattice is found once for all its pixels. Built with
-// BASIS (the header of the basis), DOUBLE, DIMENSIONS, SLICES, FRACTAL, DERIVATIVES, TILED, WARPED, and PLANES: 1 where
-// the sum itself is wanted, plane by plane, to move places by.
+// BASIS (the header of the basis), DOUBLE, DIMENSIONS, SLICES, DERIVATIVES and WARPED.
 
 #define FRACTAL_NONE 0
 #define FRACTAL_FBM 1
@@ -11,13 +10,16 @@
 #define FRACTAL_RIDGED 4
 
 #include "lanes.clh"
+#include "numeric.clh"
 #include "gradient.clh"
 #if BASIS == 0
 #include "lattice.clh"
 #elif BASIS == 1
 #include "simplex.clh"
-#else
+#elif BASIS == 2
 #include "worley.clh"
+#else
+#include "impulses.clh"
 #endif
 
 #define VECTORS 4
@@ -53,32 +55,35 @@ NOISE_FN void ridge(Sum *sum, reals q, reals x, reals y, real amplitude)
     sum->weight = twice < one ? twice : one;
 }
 
-NOISE_FN void add(Sum *sum, reals n, reals x, reals y, Octave octave, real mean)
+NOISE_FN void add(Sum *sum, reals n, reals x, reals y, Octave octave, real mean, int fractal)
 {
-#if FRACTAL == FRACTAL_TURBULENCE || FRACTAL == FRACTAL_BILLOW || FRACTAL == FRACTAL_RIDGED
-    reals side = sign(n);
-    n = fabs(n);
-    x *= side;
-    y *= side;
+    if (fractal >= FRACTAL_TURBULENCE) {
+#if DERIVATIVES
+        reals side = sign(n);
+        x *= side;
+        y *= side;
 #endif
-#if FRACTAL == FRACTAL_RIDGED
-    ridge(sum, fma(octave.kept, n, ((real)1 - octave.kept) * mean), octave.kept * x, octave.kept * y, octave.amplitude);
-#else
+        n = fabs(n);
+    }
+    if (fractal == FRACTAL_RIDGED) {
+        ridge(sum, octave.kept * n + ((real)1 - octave.kept) * mean, octave.kept * x, octave.kept * y, octave.amplitude);
+        return;
+    }
     sum->total = fma(octave.factor, n, sum->total);
 #if DERIVATIVES
     sum->x = fma(octave.factor, x, sum->x);
     sum->y = fma(octave.factor, y, sum->y);
 #endif
-#endif
 }
 
-// Sixteen values of channel `channel` at pixel (column, row).
+// Sixteen values, to `planes` if there are any (the sum itself is wanted, to move places by), else to `out`: those of channel `channel` at pixel (column, row).
 NOISE_FN void put(reals v, global real *restrict planes, global float *restrict out, int channel, int column, int row,
                   int width, int height, int stride)
 {
-#if PLANES
-    vstore16(v, 0, planes + ((size_t)channel * height + row) * stride + column);
-#else
+    if (planes) {
+        vstore16(v, 0, planes + ((size_t)channel * height + row) * stride + column);
+        return;
+    }
 #if DOUBLE
     float16 values = convert_float16(v);
 #else
@@ -94,17 +99,17 @@ NOISE_FN void put(reals v, global real *restrict planes, global float *restrict 
     vstore16(values, 0, each);
     for (int i = 0; i < LANES && column + i < width; i++)
         out[at + (size_t)i * channels] = each[i];
-#endif
 }
 
-// `moved` holds planes as PLANES makes them: how places move along x and y, in units of `warp` px, each followed by its
-// derivatives along x and y where those are wanted. `first_own` and `second_own` are numbers of the basis.
+// `moved` are such planes: how places move along x and y, in units of `warp` px, each followed by its
+// derivatives along x and y where those are wanted. `own` are numbers of the basis.
 kernel void sum(global const int *restrict column_cells, global const real *restrict columns,
                 global const int *restrict row_cells, global const real *restrict rows, constant const uint *keys,
-                constant const real *places, constant const real *terms, global const real *restrict moved_x,
+                constant const real *places, constant const real *terms,
+                constant const real *own, global const real *restrict moved_x,
                 global const real *restrict moved_y, global real *restrict planes, global float *restrict out, int width,
-                int height, int stride, int octaves, int left, real start, real mean, real middle, real half_range,
-                real warp, real first_own, real second_own)
+                int height, int stride, int octaves, int left, int fractal, real start, real mean, real middle, real half_range,
+                real warp)
 {
     const int segments = (width + SEGMENT - 1) / SEGMENT;
     const int first = (int)(get_global_id(0) % segments) * SEGMENT, row = (int)(get_global_id(0) / segments);
@@ -119,10 +124,12 @@ kernel void sum(global const int *restrict column_cells, global const real *rest
 #endif
     }
     constant const Octave *all = (constant const Octave *)terms;
+    #pragma unroll 1
     for (int k = 0; k < octaves; k++) {
         Octave octave = all[k];
         const int period_x = (int)octave.period_x, period_y = (int)octave.period_y;
         Slice slices[SLICES];
+        #pragma unroll 1
         for (int i = 0; i < SLICES; i++) {
             constant const real *place = places + (k * SLICES + i) * 4;
             slices[i].key = vload2(k * SLICES + i, keys);
@@ -135,8 +142,9 @@ kernel void sum(global const int *restrict column_cells, global const real *rest
         const real row_place = rows[k * height + row];
         Line lines[LINES];
 #if !WARPED
-        lines_at(lines, row_cell, row_place, slices, period_y);
+        lines_at(lines, row_cell, row_place, slices, period_y, own);
 #endif
+        #pragma unroll 1
         for (int v = 0; v < VECTORS; v++) {
             const int column = first + v * LANES;
             if (column >= width)
@@ -153,22 +161,24 @@ kernel void sum(global const int *restrict column_cells, global const real *rest
             x -= whole_x;
             y -= whole_y;
             cell += convert_int16(whole_x);
-            lines_at(lines, row_cell + convert_int16(whole_y), y, slices, period_y);
+            lines_at(lines, row_cell + convert_int16(whole_y), y, slices, period_y, own);
 #endif
             reals along_x = (reals)((real)0), along_y = along_x;
-            reals n = basis(cell, x, lines, slices, period_x, period_y, first_own, second_own, &along_x, &along_y);
-            add(&sums[v], n, along_x * octave.across, along_y * octave.down, octave, mean);
+            reals n = basis(cell, x, lines, slices, period_x, period_y, own, &along_x, &along_y);
+            add(&sums[v], n, along_x * octave.across, along_y * octave.down, octave, mean, fractal);
         }
     }
+    #pragma unroll 1
     for (int v = 0; v < VECTORS; v++) {
         const int column = first + v * LANES;
         if (column >= width)
             break;
-#if FRACTAL == FRACTAL_RIDGED
         const reals zero = (reals)((real)0);
-        for (int k = 0; k < left; k++)
-            ridge(&sums[v], (reals)(mean), zero, zero, all[octaves + k].amplitude);
-#endif
+        if (fractal == FRACTAL_RIDGED) {
+            #pragma unroll 1
+            for (int k = 0; k < left; k++)
+                ridge(&sums[v], (reals)(mean), zero, zero, all[octaves + k].amplitude);
+        }
 #if DERIVATIVES
         reals slope_x = sums[v].x, slope_y = sums[v].y;
 #if WARPED

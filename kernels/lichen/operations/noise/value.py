@@ -1,8 +1,8 @@
 """Value noise: numbers at the corners of cells, smoothly interpolated.
 
-Truth: at a place with fractions t of its cell, n is the sum over the corners of the product over the axes of s(t) or
-1 - s(t), times the corner's number, which its hash gives: one of 2^24 in [-1, 1). s is the fade. The weights add up to 1, so
-n never leaves [-1, 1).
+Truth: at a place with fractions t of its cell, n is the sum over the corners of the product over the axes of s(t) or 1
+- s(t), times the corner's number, which its hash gives: one of 2^24 in [-1, 1). s is the fade. The weights add up to 1,
+so n never leaves [-1, 1).
 
 It is cheaper than gradient noise and shows its cells more: a quarter of its power lies below a quarter of a cycle per
 cell, and features are boxes as often as not.
@@ -39,7 +39,7 @@ def _rounding(p: FadedParameters) -> float:
 
 BAND = 0.9
 
-BASIS = Basis[FadedParameters](
+BASIS: Basis[FadedParameters] = Basis(
     lattice=lambda p: Lattice(BAND),
     slices=slices,
     evaluate=evaluate,
@@ -48,7 +48,8 @@ BASIS = Basis[FadedParameters](
     rounding=_rounding,
     slope_rounding=lambda p: 40 + 40 * (p.dimensions - 1) + 4 * 2.0**p.dimensions,
     work=lambda p: 0.8 * 2.0**p.dimensions,
-    defines=lambda p: {"BASIS": 0, "GRADIENTS": 0, "FADE": int(p.fade is Fade.QUINTIC)},
+    defines=lambda p: {"BASIS": 0, "GRADIENTS": 0},
+    numbers=lambda p: (float(p.fade is Fade.QUINTIC),),
 )
 
 value_noise = declared(

@@ -1,17 +1,17 @@
 """Worley noise: how far the nearest of strewn points is.
 
-Truth: every cell holds one point, at 1/2 + jitter (h - 1/2) along each axis, with h of 16 bits from the cell's hash. F1 and
-F2 are the distances to the nearest and the second nearest point. n = 2 F / B - 1, where F is F1, F2 or F2 - F1 and B the
-largest F there can be, so n lies in [-1, 1].
+Truth: every cell holds one point, at 1/2 + jitter (h - 1/2) along each axis, with h of 16 bits from the cell's hash. F1
+and F2 are the distances to the nearest and the second nearest point. n = 2 F / B - 1, where F is F1, F2 or F2 - F1 and
+B the largest F there can be, so n lies in [-1, 1].
 
 Bounds: the point of a place's own cell is at most 1/2 + jitter / 2 away along each axis, which bounds F1. The neighbour
 across the nearest face, t <= 1/2 away, is at most t + 1/2 + jitter / 2 away along that axis and 1/2 - t + jitter / 2
 along the others, which bounds F2; both ends of t are tried, since that distance is convex in t.
 
-Search: the 3^d cells around a place leave out what is more than 1 + t away, so they are enough where the distance wanted
-is no larger, and for Chebyshev distances always. Elsewhere the bounds say how many more rings of cells are needed: one
-for Euclidean distances, up to d - 1 for Manhattan. Methods look there only where it is called for. The method `near` never
-does: it is what most programs compute.
+Search: the 3^d cells around a place leave out what is more than 1 + t away, so they are enough where the distance
+wanted is no larger, and for Chebyshev distances always. Elsewhere the bounds say how many more rings of cells are
+needed: one for Euclidean distances, up to d - 1 for Manhattan. Methods look there only where it is called for. The
+method `near` never does: it is what most programs compute.
 
 F has creases, where the nearest point changes; derivatives jump there, and are 0 on a point itself.
 
@@ -31,7 +31,7 @@ from pydantic import Field
 from lichen.hashing import keyed, pcg
 from lichen.memory import Array
 from lichen.opencl.device import Device
-from lichen.operation import Error, Inputs, InputFacts, Rate
+from lichen.operation import Error, InputFacts, Inputs, Rate
 from lichen.operations.noise.basis import Basis, Place, Slice, Values, corners, padded
 from lichen.operations.noise.cases import lattice_cases
 from lichen.operations.noise.coordinates import Axis
@@ -219,17 +219,22 @@ def _inner(place: Place, p: Parameters, derivatives: bool) -> Nearest:
 
 def _search_some(place: Place, p: Parameters, found: Nearest, derivatives: bool, at: Array) -> None:
     """The outer rings, for some places only."""
-    spread = {name: np.broadcast_to(getattr(place, name), at.shape)[at] for name in ("x_cells", "x", "y_cells", "y")}
+
+    def spread(each: Array) -> Array:
+        return np.broadcast_to(each, at.shape)[at]
 
     def some(pair: tuple[Array, Array] | None) -> tuple[Array, Array] | None:
         return None if pair is None else (pair[0][at], pair[1][at])
 
     part = Nearest(found.first[at], found.second[at], some(found.ways), some(found.second_ways))
-    _search(replace(place, **spread), p, part, derivatives, outer=True)
+    few = replace(
+        place, x_cells=spread(place.x_cells), x=spread(place.x), y_cells=spread(place.y_cells), y=spread(place.y)
+    )
+    _search(few, p, part, derivatives, outer=True)
     found.first[at], found.second[at] = part.first, part.second
-    for whole, few in ((found.ways, part.ways), (found.second_ways, part.second_ways)):
-        if whole is not None and few is not None:
-            whole[0][at], whole[1][at] = few
+    for whole, some_of_it in ((found.ways, part.ways), (found.second_ways, part.second_ways)):
+        if whole is not None and some_of_it is not None:
+            whole[0][at], whole[1][at] = some_of_it
 
 
 def _shown(p: Parameters, found: Nearest, derivatives: bool) -> Values:
@@ -261,7 +266,6 @@ def _directions(ways: tuple[Array, Array] | None, far: Array) -> tuple[Array, Ar
 # -------------------------------------------------------------------------------------------------------- declaration
 
 _METRICS = {each: number for number, each in enumerate(Metric)}
-_FEATURES = {each: number for number, each in enumerate(Feature)}
 BAND = 1.5
 
 
@@ -272,11 +276,18 @@ def _rounding(p: Parameters) -> float:
     return both * (p.dimensions * 4.0 * (rings(p) + 1) + 4 * bound(p)) * 2 / bound(p) + 4
 
 
+def _numbers(p: Parameters) -> tuple[float, float, float]:
+    """The jitter, and the shares of F1 and F2."""
+    scale = 2 / bound(p)
+    first = {Feature.F1: scale, Feature.F2: 0.0, Feature.F2_F1: -scale}[p.feature]
+    return p.jitter, first, 0.0 if p.feature is Feature.F1 else scale
+
+
 def _work(p: Parameters) -> float:
     return 1.2 * 3.0**p.dimensions * (1.3 if p.dimensions > 2 else 1.0)
 
 
-BASIS = Basis[Parameters](
+BASIS: Basis[Parameters] = Basis(
     lattice=lambda p: Lattice(BAND),
     slices=slices,
     evaluate=evaluate,
@@ -286,9 +297,9 @@ BASIS = Basis[Parameters](
     slope_rounding=lambda p: None,
     work=_work,
     defines=lambda p: {
-        "BASIS": 2, "METRIC": _METRICS[p.metric], "FEATURE": _FEATURES[p.feature], "RINGS": rings(p)
+        "BASIS": 2, "METRIC": _METRICS[p.metric], "RINGS": rings(p)
     },
-    numbers=lambda p: (p.jitter, 2 / bound(p)),
+    numbers=_numbers,
 )  # fmt: skip
 
 worley_noise = declared(
