@@ -106,7 +106,7 @@ def _cancel(graph: Graph) -> Graph:
     while changed:
         changed = False
         for node in graph.nodes:
-            before = graph.node(node.first)
+            before = graph.node(node.first) if node.inputs else None
             undone = before is not None and node.operation.inverse(node.parameters) == before.parameters
             if before is None or not undone or node.operation is not before.operation:
                 continue
