@@ -60,7 +60,7 @@ def _slope_rounding(p: FadedParameters) -> float:
     return scale(p.dimensions) * float(one_line + sums)
 
 
-BANDS = {2: 1.24, 3: 1.14, 4: 1.08}
+BANDS = {2: 0.97, 3: 0.89, 4: 0.9}
 
 BASIS: Basis[FadedParameters] = Basis(
     lattice=lambda p: Lattice(BANDS[p.dimensions]),

@@ -117,7 +117,7 @@ def _steepest_here(p: Parameters) -> float:
     return STEEPEST[p.dimensions]
 
 
-BANDS = {2: 1.5, 3: 1.5, 4: 1.5}
+BANDS = {2: 1.31, 3: 1.58, 4: 1.63}
 
 BASIS: Basis[Parameters] = Basis(
     lattice=lambda p: (

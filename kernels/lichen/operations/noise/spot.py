@@ -27,7 +27,7 @@ def kernel(p: Parameters) -> Kernel:
     return Kernel(p.impulses, scale(p, p.stretch, waves=False), p.stretch, p.angle)
 
 
-BASIS = basis(kernel, gabor=False, band=lambda p: 0.7 * p.stretch)
+BASIS = basis(kernel, gabor=False, band=lambda p: 0.78 * p.stretch)
 
 spot_noise = declared(
     BASIS,

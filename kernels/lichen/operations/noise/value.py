@@ -37,7 +37,7 @@ def _rounding(p: FadedParameters) -> float:
     return 14 + 10 * (p.dimensions - 1) + 2.0**p.dimensions
 
 
-BAND = 0.9
+BAND = 0.72
 
 BASIS: Basis[FadedParameters] = Basis(
     lattice=lambda p: Lattice(BAND),

@@ -266,7 +266,7 @@ def _directions(ways: tuple[Array, Array] | None, far: Array) -> tuple[Array, Ar
 # -------------------------------------------------------------------------------------------------------- declaration
 
 _METRICS = {each: number for number, each in enumerate(Metric)}
-BAND = 1.5
+BANDS = {Feature.F1: 1.5, Feature.F2: 1.5, Feature.F2_F1: 1.9}
 
 
 def _rounding(p: Parameters) -> float:
@@ -288,7 +288,7 @@ def _work(p: Parameters) -> float:
 
 
 BASIS: Basis[Parameters] = Basis(
-    lattice=lambda p: Lattice(BAND),
+    lattice=lambda p: Lattice(BANDS[p.feature]),
     slices=slices,
     evaluate=evaluate,
     mean=lambda p: (mean(BASIS, p), mean_magnitude(BASIS, p)),
