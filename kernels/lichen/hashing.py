@@ -58,6 +58,17 @@ def pcg3d(x: npt.ArrayLike, y: npt.ArrayLike, z: npt.ArrayLike) -> tuple[Words, 
     return a, b, c + a * b
 
 
+def keyed(x: npt.ArrayLike, a: npt.ArrayLike, b: npt.ArrayLike) -> Words:
+    """One number to one under a key of two words: `pcg` started at a place of the key's own, and turned by it midway.
+
+    For lattices: the words of a row under its key are unlike those of every other row, shifted or not, and all that is
+    done for each point is one `pcg`."""
+    state = (_words(x) + _words(a)) * np.uint32(747796405) + np.uint32(2891336453)
+    word = ((state >> ((state >> np.uint32(28)) + np.uint32(4))) ^ state ^ _words(b)) * np.uint32(277803737)
+    mixed: Words = (word >> np.uint32(22)) ^ word
+    return mixed
+
+
 def unit(v: Words) -> npt.NDArray[np.float32]:
     """The upper 24 bits as float32 in [0, 1), exactly."""
     return (v >> np.uint32(8)).astype(np.float32) * np.float32(2.0**-24)

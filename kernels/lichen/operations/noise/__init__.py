@@ -1,0 +1,1 @@
+"""Noise: bases on one lattice machinery, summed in octaves, and those that are sums of impulses or of waves."""
