@@ -36,7 +36,7 @@ class Parameters(WarpParameters):
         return np.array([*self.matrix, (0.0, 0.0, 1.0)])
 
 
-def _map(p: Parameters) -> Projective:
+def map_of(p: Parameters) -> Projective:
     return Projective.of(output_to_input(p.array, inverse=p.inverse))
 
 
@@ -48,7 +48,7 @@ def _identity(p: Parameters, facts: InputFacts) -> str | None:
     return unmoved(p.array, own_size(p, facts), facts["image"])
 
 
-WARP = Warp[Parameters](lambda p, inputs: _map(p), largest=lambda p, facts: _map(p).largest())
+WARP = Warp[Parameters](lambda p, inputs: map_of(p), largest=lambda p, facts: map_of(p).largest())
 
 affine = declare(
     WARP,

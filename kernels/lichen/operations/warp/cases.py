@@ -58,9 +58,10 @@ def nan_stays_near(inputs: Given, pixels: Array) -> str | None:
     spoilt = np.isnan(pixels)
     if spoilt[..., [0, 2, 3]].any():
         return "it left its channel"
-    rows, columns = np.nonzero(spoilt[..., 1])
-    if not len(rows):
+    places = np.argwhere(spoilt[..., 1])
+    if not len(places):
         return None
+    rows, columns = places[:, 0], places[:, 1]
     near = abs(rows - 11).max() <= 3 and abs(columns - 7).max() <= 3
     return None if near else "it reached further than three samples"
 
@@ -75,3 +76,26 @@ def nothing_above(row: int, level: float) -> Holds:
         return None if wrong <= 1e-6 else f"a constant became another by {wrong:g}"
 
     return holds
+
+
+def constant_on_chart(chart: str) -> Holds:
+    """The constant wherever the chart shows anything; the background around discs."""
+
+    def holds(inputs: Given, pixels: Array) -> str | None:
+        shown = np.ones(pixels.shape[:2], bool)
+        if chart in ("mirror_ball", "paraboloid", "fisheye"):
+            height, width = pixels.shape[0], pixels.shape[1]
+            side = height
+            y, x = np.mgrid[0:height, 0:width] + 0.5
+            shown = np.hypot(x % side - side / 2, y - side / 2) <= side / 2
+        wrong = float(np.abs(pixels[shown] - 0.7).max())
+        if wrong > 1e-6:
+            return f"a constant became another by {wrong:g}"
+        return "something lies outside the discs" if pixels[~shown].any() else None
+
+    return holds
+
+
+def constant_of(across: int, down: int) -> Callable[[], Given]:
+    """A constant image of so many sixteens of pixels."""
+    return lambda: {"image": np.full((16 * down, 16 * across, 1), 0.7, np.float32)}

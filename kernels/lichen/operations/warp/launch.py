@@ -12,12 +12,13 @@ from lichen.opencl.session import Argument, Session
 from lichen.operation import Border
 from lichen.operations.warp.levels import sizes
 from lichen.operations.warp.maps import Map, Projective
-from lichen.operations.warp.reference import BAND, Source, grid
+from lichen.operations.warp.reference import BAND, Closed, Source, grid
 
 SEGMENT = 64
 """Pixels that one work-item does; `SEGMENT` in places.clh."""
 GROUP = (1, 16)
-BORDERS = list(Border)
+BORDERS: list[Border | Closed] = [*Border, *Closed]
+"""In the order of their numbers in border.clh and places.clh."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,8 @@ import numpy as np
 
 from lichen.memory import Array
 from lichen.operation import Border
-from lichen.operations.convolution.stencil import continue_image
 from lichen.operations.warp.kernels import TAIL, prefilter
-from lichen.operations.warp.reference import Source
+from lichen.operations.warp.reference import Closed, Source
 
 
 def sizes(height: int, width: int) -> list[tuple[int, int]]:
@@ -25,8 +24,8 @@ def pyramid(source: Source) -> list[Array]:
     made = [source.pixels]
     while max(made[-1].shape[:2]) > 1:
         last = made[-1]
-        odd = tuple(side % 2 for side in last.shape[:2])
-        around = continue_image(last, (0, odd[0]), (0, odd[1]), source.border, source.value)
+        odd = last.shape[0] % 2, last.shape[1] % 2
+        around = Source(last, source.border, source.value).extended((0, odd[0]), (0, odd[1]))
         quarter = last.dtype.type(0.25)
         pairs = (around[0::2, 0::2] + around[0::2, 1::2]) + (around[1::2, 0::2] + around[1::2, 1::2])
         made.append(pairs * quarter)
@@ -39,13 +38,14 @@ def spline(source: Source) -> tuple[Source, int]:
     The recursion's response is cut after `TAIL` samples, where it is 7e-10: a NaN spoils no more than those around it.
     Periodic borders need no more than the image; the others are filtered with what lies beyond them.
     """
-    around = 0 if source.border in (Border.WRAP, Border.REFLECT, Border.REFLECT101) else TAIL
+    around = TAIL if source.border in (Border.CONSTANT, Border.CLAMP, Closed.RING) else 0
     far = around + TAIL
-    wide = continue_image(source.pixels.astype(np.float32), (far, far), (far, far), source.border, source.value)
+    wide = source.extended((far, far), (far, far)).astype(np.float32)
     taps = prefilter()
     channels = []
     for channel in range(wide.shape[2]):  # OpenCV takes four at once at most, and any number one by one
         plane = np.ascontiguousarray(wide[..., channel])
         channels.append(cv2.sepFilter2D(plane, -1, taps, taps, borderType=cv2.BORDER_REPLICATE))
     done = np.stack(channels, axis=-1)[TAIL : wide.shape[0] - TAIL, TAIL : wide.shape[1] - TAIL]
-    return Source(np.ascontiguousarray(done), source.border, source.value), around
+    border = Border.CLAMP if source.border is Closed.RING else source.border
+    return Source(np.ascontiguousarray(done), border, source.value), around

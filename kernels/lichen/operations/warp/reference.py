@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
@@ -44,21 +45,50 @@ FAR = 2.0**40
 Whole = npt.NDArray[np.int64]
 
 
+class Closed(StrEnum):
+    """How an image of directions continues: its columns go around, and its last row and the first"""
+
+    RING = "ring"
+    """are repeated"""
+    SPHERE = "sphere"
+    """are followed by what lies across the pole: half way around, in reverse order"""
+
+
 @dataclass(frozen=True)
 class Source:
     """Samples with what lies beyond them. `pixels` is (height, width, channels)."""
 
     pixels: Array
-    border: Border
+    border: Border | Closed
     value: float
+
+    def extended(self, rows: tuple[int, int], columns: tuple[int, int]) -> Array:
+        """With so many rows before and after the samples, and columns left and right; their type."""
+        height, width, _ = self.pixels.shape
+        if not any((*rows, *columns)):
+            return self.pixels
+        down, beside = np.arange(-rows[0], height + rows[1]), np.arange(-columns[0], width + columns[1])
+        return self.fetch(*np.meshgrid(down, beside, indexing="ij")).astype(self.pixels.dtype)
 
     def fetch(self, rows: Whole, columns: Whole) -> Array:
         """Samples at any integer places, as float64, in a last axis more."""
         height, width, _ = self.pixels.shape
-        down, beside = continued(rows, height, self.border), continued(columns, width, self.border)
+        if self.border is Closed.SPHERE:
+            over = rows % (2 * height) >= height
+            beside = continued(columns + np.where(over, width // 2, 0), width, Border.WRAP)
+            down = continued(rows, height, Border.REFLECT)
+        else:
+            down, beside = self.indices(rows, columns)
         found = self.pixels[np.maximum(down, 0), np.maximum(beside, 0)].astype(np.float64)
         found[(down == OUTSIDE) | (beside == OUTSIDE)] = self.value
         return found
+
+    def indices(self, rows: Whole, columns: Whole) -> tuple[Whole, Whole]:
+        """Which row and column stands for each; not for a sphere, whose rows change its columns."""
+        height, width, _ = self.pixels.shape
+        if isinstance(self.border, Closed):
+            return continued(rows, height, Border.CLAMP), continued(columns, width, Border.WRAP)
+        return continued(rows, height, self.border), continued(columns, width, self.border)
 
     def mean(self) -> Doubles:
         made: Doubles = self.pixels.mean(axis=(0, 1), dtype=np.float64)
@@ -67,6 +97,8 @@ class Source:
     def fold(self, x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
         """Coordinates of the same content near the source: whole periods of the border are taken off."""
         height, width, _ = self.pixels.shape
+        if isinstance(self.border, Closed):
+            return x - width * np.floor(x / width), np.clip(y, -FAR, FAR)
         periods = {
             Border.WRAP: (width, height),
             Border.REFLECT: (2 * width, 2 * height),
@@ -195,11 +227,13 @@ def _boxes(source: Source, x: Doubles, y: Doubles, shape: Ellipses, reach: float
     dx, dy = columns + 0.5 - x[:, np.newaxis, np.newaxis], rows + 0.5 - y[:, np.newaxis, np.newaxis]
     xx, xy, yy = (each[:, np.newaxis, np.newaxis] for each in shape.inverse())
     q = xx * dx * dx + 2 * xy * dx * dy + yy * dy * dy
-    weights = np.where(q <= reach * reach, np.exp(-2 * q), 0.0)
-    found = source.fetch(*np.broadcast_arrays(rows, columns))
-    found = np.where(weights[..., np.newaxis] > 0, found, 0.0)
-    summed: Doubles = np.einsum("nij,nijc->nc", weights, found) / weights.sum(axis=(1, 2))[:, np.newaxis]
-    return summed
+    # Of a thin ellipse, most of its box is empty: only what lies inside is weighed and fetched.
+    pixel, i, j = np.nonzero(q <= reach * reach)
+    weights = np.exp(-2 * q[pixel, i, j])[:, np.newaxis]
+    found = source.fetch(rows[pixel, i, 0], columns[pixel, 0, j])
+    starts = np.searchsorted(pixel, np.arange(len(x)))
+    made: Doubles = np.add.reduceat(weights * found, starts) / np.add.reduceat(weights, starts)
+    return made
 
 
 def truth_sampler(source: Source, at: Places) -> Doubles:

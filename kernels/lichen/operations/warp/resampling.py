@@ -54,6 +54,7 @@ from lichen.operations.warp.launch import averaged, sampled, samples_of
 from lichen.operations.warp.levels import pyramid, spline
 from lichen.operations.warp.maps import Doubles, Map
 from lichen.operations.warp.reference import (
+    Closed,
     Sampler,
     Source,
     ellipse_average,
@@ -70,22 +71,29 @@ LARGEST = 16384
 """Pixels along a side of a result."""
 
 
-class WarpParameters(OperationParameters):
-    """What every warp takes."""
+class Resampled(OperationParameters):
+    """What every warp takes whose size another input gives."""
 
-    width: int | None = Field(None, ge=1, le=LARGEST, description="columns of the result; the image's if left out")
-    height: int | None = Field(None, ge=1, le=LARGEST, description="rows of the result; the image's if left out")
     border: Border = Field(Border.CONSTANT, description="how the image continues beyond its edges")
     value: float = Field(0.0, description="the background, and what lies beyond a constant border, in every channel")
 
 
-P = TypeVar("P", bound=WarpParameters)
+class WarpParameters(Resampled):
+    """What the others take, too."""
+
+    width: int | None = Field(None, ge=1, le=LARGEST, description="columns of the result; the image's if left out")
+    height: int | None = Field(None, ge=1, le=LARGEST, description="rows of the result; the image's if left out")
+
+
+P = TypeVar("P", bound=Resampled)
 Size = tuple[int, int]
 """Width and height."""
 
 
-def own_size(p: WarpParameters, facts: InputFacts) -> Size:
+def own_size(p: Resampled, facts: InputFacts) -> Size:
     """As asked for, or that of the image."""
+    if not isinstance(p, WarpParameters):
+        return facts["image"].width, facts["image"].height
     return p.width or facts["image"].width, p.height or facts["image"].height
 
 
@@ -94,12 +102,14 @@ class Warp(Generic[P]):
     """How an operation of this family makes its map."""
 
     map: Callable[[P, Inputs], Map]
-    size: Callable[[P, InputFacts], Size] = own_size
+    size: Callable[[P, InputFacts], Size] = lambda p, facts: own_size(p, facts)
+    closed: Callable[[P], Closed | None] = lambda p: None
+    """how the image continues where that is no choice"""
     largest: Callable[[P, InputFacts], float | None] = lambda p, facts: None
     """the most that the map shrinks the source by, where that is known without pixels"""
 
     def source(self, inputs: Inputs, p: P) -> Source:
-        return Source(inputs["image"].pixels, p.border, p.value)
+        return Source(inputs["image"].pixels, self.closed(p) or p.border, p.value)
 
     def extent_of(self, inputs: Inputs, p: P) -> Size:
         return self.size(p, {name: Facts.of(image) for name, image in inputs.items()})
@@ -167,7 +177,7 @@ def result_facts(p: Bordered, facts: InputFacts, size: Size, gain: float = MOST_
     return Facts(height, width, image.channels, image.space, image.alpha, extent)
 
 
-def rounding(image: Facts, p: WarpParameters, gain: float, *, area: bool) -> float:
+def rounding(image: Facts, p: Bordered, gain: float, *, area: bool) -> float:
     """Of the fraction, the weights and their sums; an ellipse's is as long as the image at most, in steps of four."""
     low, high = value_range(image, p)
     steps = 64 + (2 * (image.width + image.height) if area else 0)
@@ -177,7 +187,7 @@ def rounding(image: Facts, p: WarpParameters, gain: float, *, area: bool) -> flo
 AREA = ("mip", "supersampled", "ewa")
 
 
-def error_of(method: str, p: WarpParameters, facts: InputFacts, *, shrinks: bool) -> Error:
+def error_of(method: str, p: Bordered, facts: InputFacts, *, shrinks: bool) -> Error:
     image = facts["image"]
     low, high = value_range(image, p)
     spread, gain = high - low, GAINS[method]
@@ -189,7 +199,7 @@ def error_of(method: str, p: WarpParameters, facts: InputFacts, *, shrinks: bool
     return Error(apart + least, "bound", least, spread * TYPICAL[method][shrinks] + least)
 
 
-def shears_error(p: WarpParameters, size: float, facts: InputFacts) -> Error:
+def shears_error(p: Bordered, size: float, facts: InputFacts) -> Error:
     """Of three passes by a kernel of that radius; a result rounded once from float64."""
     image = facts["image"]
     low, high = value_range(image, p)

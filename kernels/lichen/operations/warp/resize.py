@@ -229,7 +229,7 @@ resize = Operation(
             name="checkerboard",
             why="the mean of light and dark is half the light; taken from display values it is far darker",
             inputs=_checkerboard,
-            parameters={"width": 8, "border": "reflect"},
+            parameters={"width": 8, "border": "wrap"},
             holds=_half,
             methods=("box", "triangle", "bicubic", "mitchell", "lanczos2", "lanczos3"),
         ),
@@ -268,18 +268,19 @@ def _opencl(device: Device, inputs: Inputs, p: Parameters, name: str) -> Array:
         between = session.scratch((height, image.width, channels))
         session.launch(
             "warp/resize.cl", "down", (-(-image.width * channels // STRIP), height), aligned(image.pixels),
-            session.readwrite(between), *_tables(down, p.value), np.int32(down.taps),
+            session.readwrite(between), *tables(down, p.value), np.int32(down.taps),
             np.int32(image.width * channels), np.int32(height), local=(1, 16), defines={"CHANNELS": channels},
         )  # fmt: skip
         session.launch(
             "warp/resize.cl", "across", (-(-width // STRIP), -(-height // BLOCK)), between, session.write(out),
-            *_tables(across, p.value), np.int32(across.taps), np.int32(image.width), np.int32(width),
+            *tables(across, p.value), np.int32(across.taps), np.int32(image.width), np.int32(width),
             np.int32(height), local=(1, 16), defines={"CHANNELS": channels},
         )  # fmt: skip
     return out
 
 
-def _tables(one: Axis, value: float) -> tuple[Array, Array, Array]:
+def tables(one: Axis, value: float) -> tuple[Array, Array, Array]:
+    """Index, weights and what the border adds, as the kernels of resize.cl take them."""
     return aligned(one.index, np.int32), aligned(one.weights), aligned(one.constant * value)
 
 

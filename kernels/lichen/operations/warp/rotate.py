@@ -56,7 +56,7 @@ def _size(p: Parameters, facts: InputFacts) -> Size:
     return math.ceil(sides[0] - 1e-9), math.ceil(sides[1] - 1e-9)
 
 
-def _projective(p: Parameters, source: Size, target: Size) -> Projective:
+def projective(p: Parameters, source: Size, target: Size) -> Projective:
     """About the middles of both: x = c u - s v, y = s u + c v, from the middles, undoes a turn to the left."""
     c, s = direction(p.angle)
     (w, h), (wide, tall) = source, target
@@ -66,7 +66,7 @@ def _projective(p: Parameters, source: Size, target: Size) -> Projective:
 
 def _map(p: Parameters, inputs: Inputs) -> Projective:
     image = inputs["image"]
-    return _projective(p, (image.width, image.height), WARP.extent_of(inputs, p))
+    return projective(p, (image.width, image.height), WARP.extent_of(inputs, p))
 
 
 def _identity(p: Parameters, facts: InputFacts) -> str | None:

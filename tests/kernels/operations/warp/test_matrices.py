@@ -66,6 +66,11 @@ def test_findings_tell_matrix_and_condition() -> None:
     np.testing.assert_allclose(product, np.eye(3), atol=1e-12)
 
 
+SQUARE = [[0, 0], [9, 0], [9, 9], [0, 9]]
+CROSSED = [[0, 0], [9, 9], [9, 0], [0, 9]]
+ON_A_LINE = [[0, 0], [1, 0], [2, 0], [0, 1]]
+
+
 @pytest.mark.parametrize(
     ("wrong", "pointer"),
     [
@@ -74,12 +79,12 @@ def test_findings_tell_matrix_and_condition() -> None:
         ({"matrix": [[1, 1, 0], [1, 1 + 1e-14, 0], [0, 0, 1]]}, "/parameters/matrix"),
         ({"matrix": [[1e300, 0, 0], [0, 1e-300, 0], [0, 0, 1]]}, "/parameters/matrix"),
         ({"matrix": [[math.nan, 0, 0], [0, 1, 0], [0, 0, 1]]}, "/parameters/matrix/0/0"),
-        ({"source_points": [[0, 0], [1, 0], [2, 0], [0, 1]], "target_points": [[0, 0], [9, 0], [9, 9], [0, 9]]}, "/parameters/target_points"),
-        ({"source_points": [[0, 0], [9, 0], [9, 9], [0, 9]]}, "/parameters/target_points"),
-        ({"source_points": [[0, 0], [9, 0], [9, 9], [0, 9]], "target_points": [[0, 0], [9, 9], [9, 0], [0, 9]]}, "/parameters/target_points"),
-        ({"source_points": [[1, 1]] * 4, "target_points": [[0, 0], [9, 0], [9, 9], [0, 9]]}, "/parameters/source_points"),
+        ({"source_points": ON_A_LINE, "target_points": SQUARE}, "/parameters/target_points"),
+        ({"source_points": SQUARE}, "/parameters/target_points"),
+        ({"source_points": SQUARE, "target_points": CROSSED}, "/parameters/target_points"),
+        ({"source_points": [[1, 1]] * 4, "target_points": SQUARE}, "/parameters/source_points"),
     ],
-)  # fmt: skip
+)
 def test_what_shows_nothing_is_refused(wrong: dict[str, object], pointer: str) -> None:
     with pytest.raises(InvalidRequest) as caught:
         lichen.run("homography", PHOTO, **wrong)
