@@ -1,0 +1,1 @@
+"""Warps: pixels that move."""

@@ -1,0 +1,173 @@
+/* Warps that take what a whole pixel sees: EWA, supersampling, and trilinear sampling of a pyramid.
+ * `sizes` has three numbers for each level of the pyramid: where it starts in `pyramid`, counted in pixels, its width
+ * and its height; level 0 is the picture itself. `means` is the mean of the picture. */
+
+#include "ellipses.clh"
+
+#define ARGUMENTS                                                                                                      \
+    global const double *restrict matrix, global const double *restrict table, global const float *restrict steps,     \
+        int width, int height, global const float *restrict pixels, int columns, int rows, int border, float value,    \
+        global float *restrict out, int stride, int channel, global const float *restrict pyramid,                     \
+        global const int *restrict sizes, int levels, global const float *restrict means
+
+#define BEGIN                                                                                                          \
+    const int first = get_global_id(0) * SEGMENT, row = get_global_id(1);                                              \
+    if (first >= width || row >= height) return;                                                                       \
+    const Picture picture = {pixels, columns, rows, border, value};                                                    \
+    double x[SEGMENT], y[SEGMENT];                                                                                     \
+    float xu[SEGMENT], yu[SEGMENT], xv[SEGMENT], yv[SEGMENT];                                                          \
+    int seen[SEGMENT];                                                                                                 \
+    locate(x, y, matrix, table, first, row, width);                                                                    \
+    derive(xu, yu, xv, yv, x, y, matrix, steps, first, row, width);                                                    \
+    Shapes shapes;                                                                                                     \
+    shape(&shapes, xu, yu, xv, yv);                                                                                    \
+    fold(x, y, &picture);                                                                                              \
+    EACH {                                                                                                             \
+        seen[i] = fabs(x[i]) < INFINITY && fabs(y[i]) < INFINITY;                                                      \
+        x[i] = fmax(fmin(x[i], FAR), -FAR);                                                                            \
+        y[i] = fmax(fmin(y[i], FAR), -FAR);                                                                            \
+    }                                                                                                                  \
+    const int count = min(SEGMENT, width - first);                                                                     \
+    const size_t start = (size_t)row * width + first;
+
+inline Picture level_of(const Picture *picture, global const float *pyramid, global const int *sizes, int level) {
+    if (level == 0) return *picture;
+    const Picture made = {pyramid + (size_t)CHANNELS * sizes[3 * level], sizes[3 * level + 1], sizes[3 * level + 2],
+                          picture->border, picture->value};
+    return made;
+}
+
+inline int beyond(const Picture *picture, const Shapes *shapes, int i) {
+    const float w = picture->width, t = picture->height, cc = shapes->cc[i], ss = shapes->ss[i];
+    return (cc * shapes->major[i] + ss * shapes->minor[i] > w * w) | (ss * shapes->major[i] + cc * shapes->minor[i] > t * t);
+}
+
+inline T mixed(T sharp, T soft, float t) {
+    return t == 0.0f ? sharp : (t == 1.0f ? soft : fma((T)(t), soft, (1.0f - t) * sharp));
+}
+
+/* What the map does not shrink is interpolated from 6 x 6 samples; SOFT gives the average of what it does, for all pixels
+ * of `soft[i]` that are in their ellipse's stead neither background nor beyond it. */
+#define SHARP                                                                                                          \
+    int column[SEGMENT], line[SEGMENT], easy[SEGMENT];                                                                 \
+    float fx[SEGMENT], fy[SEGMENT], blend[SEGMENT];                                                                    \
+    T sharp[SEGMENT], soft[SEGMENT];                                                                                   \
+    split_both(column, line, fx, fy, easy, x, y);                                                                      \
+    int shrinking = 0, growing = 0;                                                                                    \
+    EACH {                                                                                                             \
+        blend[i] = seen[i] ? blend_of(shapes.rho[i]) : 0.0f;                                                    \
+        shrinking |= blend[i] > 0.0f;                                                                                  \
+        growing |= blend[i] < 1.0f;                                                                                    \
+    }                                                                                                                  \
+    if (growing) {                                                                                                     \
+        Six across, down;                                                                                              \
+        weigh6(&across, fx);                                                                                           \
+        weigh6(&down, fy);                                                                                             \
+        find_easy(easy, seen, column, line, fx, fy, 2, 6, &picture);                                                   \
+        const size_t pitch = (size_t)CHANNELS * columns;                                                               \
+        for (int i = 0; i < count; ++i)                                                                                \
+            if (easy[i] && blend[i] < 1.0f)                                                                            \
+                sharp[i] = taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i); \
+        for (int i = 0; i < count; ++i)                                                                                \
+            if (!easy[i] && blend[i] < 1.0f)                                                                           \
+                sharp[i] = seen[i] ? taps6_anywhere(&picture, column[i], line[i], &across, &down, i) : (T)(value);     \
+    }                                                                                                                  \
+    int large[SEGMENT];                                                                                                \
+    EACH large[i] = beyond(&picture, &shapes, i);                                                                      \
+    if (shrinking) {                                                                                                   \
+        const T mean = LOAD(means);                                                                                    \
+        for (int i = 0; i < count; ++i)                                                                                \
+            if (large[i] && blend[i] > 0.0f) soft[i] = distant(&picture, mean, x[i], y[i], &shapes, i);                \
+    }
+
+#define FINISH                                                                                                         \
+    for (int i = 0; i < count; ++i) put(out, start + i, stride, channel, mixed(sharp[i], soft[i], blend[i]));
+
+kernel void ewa(ARGUMENTS, float samples, float reach) {
+    BEGIN
+    SHARP
+    if (shrinking) {
+        Ellipses at;
+        place(&at, x, y, &shapes, levels, samples, reach);
+        const float limit = reach * reach;
+        int way[SEGMENT]; /* 0: nothing to do, 1: small, 2: inside, 3: near the border, 4: wholly beyond a constant one */
+        EACH {
+            const int level = at.level[i], wide = level ? sizes[3 * level + 1] : columns;
+            const int tall = level ? sizes[3 * level + 2] : rows;
+            const float left = (float)at.column[i] + floor(at.fx[i] - at.wide[i]);
+            const float right = (float)at.column[i] + at.fx[i] + at.wide[i] + 8.0f;
+            const float top = (float)at.row[i] + floor(at.fy[i] - at.tall[i]);
+            const float bottom = (float)at.row[i] + at.fy[i] + at.tall[i] + 1.0f;
+            const int inside = (left >= 0.0f) & (top >= 0.0f) & (right < (float)wide) & (bottom < (float)tall);
+            const int small = at.wide[i] <= 3.5f;
+            const int beside = (left >= (float)wide) | (top >= (float)tall) | (right < 8.0f) | (bottom < 1.0f);
+            const int edge = (border == BORDER_CONSTANT) & beside ? 4 : 3;
+            way[i] = large[i] | !(blend[i] > 0.0f) ? 0 : (inside ? 2 - small : edge);
+        }
+        for (int i = 0; i < count; ++i) {
+            if (way[i] != 1 && way[i] != 2) continue;
+            const int level = at.level[i];
+            global const float *from = level ? pyramid + (size_t)CHANNELS * sizes[3 * level] : pixels;
+            const int wide = level ? sizes[3 * level + 1] : columns;
+            soft[i] = way[i] == 1 ? ellipse_small(from, wide, &at, i, limit) : ellipse_inside(from, wide, &at, i, limit);
+        }
+        for (int i = 0; i < count; ++i) {
+            if (way[i] == 4) soft[i] = (T)(value);
+            if (way[i] != 3) continue;
+            const Picture taken = level_of(&picture, pyramid, sizes, at.level[i]);
+            soft[i] = ellipse_anywhere(&taken, &at, i, limit);
+        }
+    }
+    FINISH
+}
+
+/* `grid` holds u, v and weight of each sample in the pixel's own frame. */
+inline T supersampled(const Picture *picture, int column, int row, float fx, float fy, const Shapes *shapes, int i,
+                      global const float *grid, int samples) {
+    const float big = sqrt(shapes->major[i]), small = sqrt(shapes->minor[i]);
+    const float xx = shapes->cc[i] * big + shapes->ss[i] * small, xy = shapes->cs[i] * (big - small);
+    const float yy = shapes->ss[i] * big + shapes->cc[i] * small;
+    T sum = (T)(0.0f);
+    for (int k = 0; k < samples; ++k) {
+        const float u = grid[3 * k], v = grid[3 * k + 1];
+        const float x = fx + fma(xx, u, xy * v), y = fy + fma(xy, u, yy * v);
+        const float left = floor(x), top = floor(y);
+        sum = fma((T)(grid[3 * k + 2]), bilinear(picture, column + (int)left, row + (int)top, x - left, y - top), sum);
+    }
+    return sum;
+}
+
+kernel void super(ARGUMENTS, global const float *restrict grid, int samples) {
+    BEGIN
+    SHARP
+    for (int i = 0; i < count; ++i)
+        if (blend[i] > 0.0f && !large[i])
+            soft[i] = supersampled(&picture, column[i], line[i], fx[i], fy[i], &shapes, i, grid, samples);
+    FINISH
+}
+
+inline T bilinear_at(const Picture *picture, double x, double y) {
+    const double left = floor(x), top = floor(y);
+    return bilinear(picture, (int)left, (int)top, (float)(x - left), (float)(y - top));
+}
+
+kernel void mip(ARGUMENTS) {
+    BEGIN
+    for (int i = 0; i < count; ++i) {
+        if (!seen[i]) {
+            put(out, start + i, stride, channel, (T)(value));
+            continue;
+        }
+        const float rho = shapes.rho[i], most = (float)(levels - 1);
+        float detail = rho > 1.0f ? log2(rho) : 0.0f;
+        detail = detail < most ? detail : most;
+        const int lower = (int)detail, upper = min(lower + 1, levels - 1);
+        const double a = ldexp(1.0, -lower), b = ldexp(1.0, -upper);
+        const float share = detail - (float)lower;
+        const Picture fine = level_of(&picture, pyramid, sizes, lower), coarse = level_of(&picture, pyramid, sizes, upper);
+        const T sharp = bilinear_at(&fine, fma(x[i], a, -0.5), fma(y[i], a, -0.5));
+        T made = sharp;
+        if (share > 0.0f) made = fma((T)(share), bilinear_at(&coarse, fma(x[i], b, -0.5), fma(y[i], b, -0.5)), (1.0f - share) * sharp);
+        put(out, start + i, stride, channel, made);
+    }
+}

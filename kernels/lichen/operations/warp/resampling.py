@@ -1,0 +1,419 @@
+"""What makes an operation of a map: its truth, its methods with their errors, and all that follows from them.
+
+The filters are the methods, from the cheapest to the most accurate:
+
+* `nearest`, `bilinear`, `bicubic` (Catmull-Rom), `mitchell`, `bspline` (interpolating: prefiltered), `lanczos2` and
+  `lanczos3` take one value for each pixel, by 1, 2, 4, 4, 4, 4 and 6 samples along each axis. They are right where the
+  map shrinks nothing, and alias where it does. `lanczos3` is truth itself there.
+* `mip` takes two levels of a pyramid of box means, bilinear in each: nothing aliases, but a slanted footprint is
+  blurred along its shorter axis as much as along its longer.
+* `supersampled` takes points x points bilinear samples where the map shrinks, over the ellipse that truth averages:
+  enough where it shrinks by less than points / 3, and an alias of it beyond.
+* `ewa` takes all samples in the ellipse, of the level of a pyramid of box means on which the shorter half axis is
+  `samples` to twice as many samples long, up to a radius of 2 + log2(samples) / 2: work that depends on how slanted a
+  footprint is, not on how large.
+
+Errors. Two results that lie within a known distance from the middle of the samples' range are no further apart than
+both distances together, and no image holds a filter to less: that is the bound. The typical error is what filters
+differ in; `TYPICAL` holds it, RMS over the range, as found on the corpus.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from pydantic import Field
+
+from lichen.errors import Flaw
+from lichen.image import Alpha, Extent
+from lichen.memory import Array, aligned
+from lichen.opencl.device import Device
+from lichen.operation import (
+    ROUNDING,
+    WHOLE,
+    Border,
+    Error,
+    Facts,
+    HardCase,
+    Input,
+    InputFacts,
+    Inputs,
+    Knob,
+    Light,
+    Operation,
+    OperationParameters,
+    Rate,
+)
+from lichen.operations.warp import kernels
+from lichen.operations.warp.kernels import Kernel
+from lichen.operations.warp.launch import averaged, sampled, samples_of
+from lichen.operations.warp.levels import pyramid, spline
+from lichen.operations.warp.maps import Doubles, Map
+from lichen.operations.warp.reference import (
+    Closed,
+    Sampler,
+    Source,
+    ellipse_average,
+    filtered,
+    interpolate,
+    mipmapped,
+    resample,
+    supersampled,
+    truth_sampler,
+)
+from lichen.operations.warp.shears import line_kernel
+
+LARGEST = 16384
+"""Pixels along a side of a result."""
+
+
+class Resampled(OperationParameters):
+    """What every warp takes whose size another input gives."""
+
+    border: Border = Field(Border.CONSTANT, description="how the image continues beyond its edges")
+    value: float = Field(0.0, description="the background, and what lies beyond a constant border, in every channel")
+
+
+class WarpParameters(Resampled):
+    """What the others take, too."""
+
+    width: int | None = Field(None, ge=1, le=LARGEST, description="columns of the result; the image's if left out")
+    height: int | None = Field(None, ge=1, le=LARGEST, description="rows of the result; the image's if left out")
+
+
+P = TypeVar("P", bound=Resampled)
+Size = tuple[int, int]
+"""Width and height."""
+
+
+def own_size(p: Resampled, facts: InputFacts) -> Size:
+    """As asked for, or that of the image."""
+    if not isinstance(p, WarpParameters):
+        return facts["image"].width, facts["image"].height
+    return p.width or facts["image"].width, p.height or facts["image"].height
+
+
+@dataclass(frozen=True)
+class Warp(Generic[P]):
+    """How an operation of this family makes its map."""
+
+    map: Callable[[P, Inputs], Map]
+    size: Callable[[P, InputFacts], Size] = lambda p, facts: own_size(p, facts)
+    closed: Callable[[P], Closed | None] = lambda p: None
+    """how the image continues where that is no choice"""
+    largest: Callable[[P, InputFacts], float | None] = lambda p, facts: None
+    """the most that the map shrinks the source by, where that is known without pixels"""
+
+    def source(self, inputs: Inputs, p: P) -> Source:
+        return Source(inputs["image"].pixels, self.closed(p) or p.border, p.value)
+
+    def extent_of(self, inputs: Inputs, p: P) -> Size:
+        return self.size(p, {name: Facts.of(image) for name, image in inputs.items()})
+
+    def shrinks(self, p: P, facts: InputFacts) -> bool:
+        largest = self.largest(p, facts)
+        return largest is None or largest > 1
+
+    def by(self, inputs: Inputs, p: P, sampler: Sampler, source: Source | None = None) -> Doubles:
+        """The result in NumPy."""
+        width, height = self.extent_of(inputs, p)
+        return resample(source or self.source(inputs, p), self.map(p, inputs), width, height, sampler)
+
+
+# -------------------------------------------------------------------------------------------------------- prediction
+
+GAINS: Mapping[str, float] = {
+    "nearest": 1.0,
+    "bilinear": 1.0,
+    "bicubic": kernels.CATMULL_ROM.gain**2,
+    "mitchell": kernels.MITCHELL.gain**2,
+    "bspline": kernels.cardinal_gain() ** 2,
+    "lanczos2": kernels.LANCZOS2.gain**2,
+    "lanczos3": kernels.LANCZOS3.gain**2,
+    "mip": 1.0,
+    "supersampled": kernels.LANCZOS3.gain**2,
+    "ewa": kernels.LANCZOS3.gain**2,
+}
+"""How far beyond the middle of the samples' range a result can lie, over half that range."""
+TRUTH_GAIN = GAINS["lanczos3"]
+MOST_GAIN = max(GAINS.values())
+TYPICAL: Mapping[str, tuple[float, float]] = {
+    "nearest": (0.1, 0.2),
+    "bilinear": (0.05, 0.15),
+    "bicubic": (0.02, 0.15),
+    "mitchell": (0.04, 0.15),
+    "bspline": (0.01, 0.15),
+    "lanczos2": (0.02, 0.15),
+    "lanczos3": (0.0, 0.15),
+    "mip": (0.05, 0.05),
+    "supersampled": (0.0, 0.02),
+    "ewa": (0.0, 0.005),
+}
+"""RMS error over the range of the image: where nothing shrinks, and where much does."""
+
+
+class Bordered(Protocol):
+    """Parameters that say what lies beyond the image."""
+
+    @property
+    def value(self) -> float: ...
+
+
+def value_range(facts: Facts, p: Bordered) -> tuple[float, float]:
+    """Lowest and highest value that takes part; the background always may."""
+    return min(facts.extent.low, p.value), max(facts.extent.high, p.value)
+
+
+def result_facts(p: Bordered, facts: InputFacts, size: Size, gain: float = MOST_GAIN) -> Facts:
+    image = facts["image"]
+    low, high = value_range(image, p)
+    slack = (gain - 1) * (high - low) / 2 + 1e-5 * max(abs(low), abs(high))
+    extent = Extent(low - slack, high + slack, image.extent.nonfinite)
+    width, height = size
+    return Facts(height, width, image.channels, image.space, image.alpha, extent)
+
+
+def rounding(image: Facts, p: Bordered, gain: float, *, area: bool) -> float:
+    """Of the fraction, the weights and their sums; an ellipse's is as long as the image at most, in steps of four."""
+    low, high = value_range(image, p)
+    steps = 64 + (2 * (image.width + image.height) if area else 0)
+    return steps * ROUNDING * gain * max(abs(low), abs(high))
+
+
+AREA = ("mip", "supersampled", "ewa")
+
+
+def error_of(method: str, p: Bordered, facts: InputFacts, *, shrinks: bool) -> Error:
+    image = facts["image"]
+    low, high = value_range(image, p)
+    spread, gain = high - low, GAINS[method]
+    least = rounding(image, p, max(gain, 1.0), area=method in AREA and shrinks)
+    if method in ("lanczos3", "supersampled", "ewa") and not shrinks:
+        return Error(least, "bound", least)
+    # What both interpolate alike does not count, and two means are no further apart than the spread.
+    apart = spread if method in ("supersampled", "ewa") else spread * (gain + TRUTH_GAIN) / 2
+    return Error(apart + least, "bound", least, spread * TYPICAL[method][shrinks] + least)
+
+
+def shears_error(p: Bordered, size: float, facts: InputFacts) -> Error:
+    """Of three passes by a kernel of that radius; a result rounded once from float64."""
+    image = facts["image"]
+    low, high = value_range(image, p)
+    gain = line_kernel(round(size)).gain ** 4
+    least = 16 * ROUNDING * gain * max(abs(low), abs(high))
+    return Error((high - low) * (gain + TRUTH_GAIN) / 2 + least, "bound", least, (high - low) * 0.02 + least)
+
+
+def check_size(image: Facts, size: Size) -> list[Flaw]:
+    if size[0] * size[1] * image.channels < 2**31 and image.samples < 2**31:
+        return []
+    return [Flaw("/parameters/width", "pixels times channels must stay below 2^31")]
+
+
+SAMPLES = Knob("samples", (1.0, 2.0, 4.0), "samples of the pyramid's level along half the shorter axis", 1.0, 8.0)
+POINTS = Knob("points", (2.0, 4.0, 8.0), "samples along each axis of an ellipse", 2.0, 16.0)
+
+
+def reach_of(samples: float) -> float:
+    """The radius at which an ellipse of so many samples is cut; truth cuts at 3."""
+    return min(2 + math.log2(samples) / 2, 3.0)
+
+
+# ------------------------------------------------------------------------------------------------------- declaration
+
+
+def declare(
+    warp: Warp[P],
+    *,
+    name: str,
+    summary: str,
+    description: str,
+    parameters: type[P],
+    examples: tuple[Mapping[str, Any], ...],
+    hard_cases: tuple[HardCase, ...],
+    inputs: tuple[Input, ...] = (Input("image", "a picture or data, any number of channels"),),
+    identity: Callable[[P, InputFacts], str | None] = lambda p, facts: None,
+    check: Callable[[P, InputFacts], list[Flaw]] = lambda p, facts: [],
+) -> Operation[P]:
+    """The operation of a warp, with truth and methods."""
+    operation = Operation(
+        name=name,
+        family="warp",
+        summary=summary,
+        description=description,
+        parameters=parameters,
+        inputs=inputs,
+        light=Light.LINEAR,
+        wants_alpha=Alpha.ASSOCIATED,
+        footprint=lambda p, facts: WHOLE,
+        result=lambda p, facts: result_facts(p, facts, warp.size(p, facts)),
+        propagate=lambda p, facts, error: error * TRUTH_GAIN,
+        implied=lambda p, facts: "which part of the image a tile shows is known by its map alone",
+        identity=identity,
+        check=lambda p, facts: check(p, facts) or check_size(facts["image"], warp.size(p, facts)),
+        customary=("ewa", 1.0),
+        examples=examples,
+        hard_cases=hard_cases,
+    )
+
+    @operation.truth
+    def truth(inputs: Inputs, p: P) -> Array:
+        return warp.by(inputs, p, truth_sampler)
+
+    for kernel, start, step in (
+        (kernels.NEAREST, 2e-4, 1.5e-9),
+        (kernels.BILINEAR, 2e-4, 3e-9),
+        (kernels.CATMULL_ROM, 2e-4, 4e-9),
+        (kernels.MITCHELL, 2e-4, 4e-9),
+        (kernels.BSPLINE, 1e-3, 2e-8),
+        (kernels.LANCZOS2, 2e-4, 5e-9),
+        (kernels.LANCZOS3, 2e-4, 9e-9),
+    ):
+        _add_kernel(operation, warp, kernel, Rate(start, step))
+    _add_mip(operation, warp)
+    _add_supersampled(operation, warp)
+    _add_ewa(operation, warp)
+    return operation
+
+
+def _work(warp: Warp[P], p: P, facts: InputFacts) -> float:
+    """Pixels of the result, in blocks of four channels."""
+    width, height = warp.size(p, facts)
+    return width * height * -(-facts["image"].channels // 4)
+
+
+def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Rate) -> None:
+    prefiltered = kernel is kernels.BSPLINE
+
+    class ByKernel:
+        @staticmethod
+        def opencl(device: Device, inputs: Inputs, p: P, knob: float) -> Array:
+            if not device.has_fp64:
+                return ByKernel.numpy(inputs, p, knob)
+            source, map_ = warp.source(inputs, p), warp.map(p, inputs)
+            if prefiltered:
+                source, around = spline(source)
+                map_ = Moved.by(map_, around)
+            name = {1: "nearest", 2: "linear", 4: "four", 6: "six"}[kernel.taps]
+            further = (np.int32(kernel.code),) if kernel.taps == 4 else ()
+            return sampled(device, source, map_, warp.extent_of(inputs, p), name, *further)
+
+        @staticmethod
+        def numpy(inputs: Inputs, p: P, knob: float) -> Array:
+            source, around = warp.source(inputs, p), 0
+            if prefiltered:
+                source, around = spline(source)
+            return aligned(
+                warp.by(inputs, p, lambda s, at: interpolate(s, at.x + around, at.y + around, kernel), source)
+            )
+
+    ByKernel.__doc__ = TOLD[kernel.name]
+    operation.method(
+        kernel.name,
+        error=lambda p, knob, facts: error_of(kernel.name, p, facts, shrinks=warp.shrinks(p, facts)),
+        work=lambda p, knob, facts: _work(warp, p, facts),
+        rates={"opencl": rate, "numpy": Rate(2e-4, 1e-8 + 6e-8 * kernel.taps**2)},
+    )(ByKernel)
+
+
+TOLD = {
+    "nearest": "The sample that the place lies in.",
+    "bilinear": "Between the four nearest samples.",
+    "bicubic": "The Catmull-Rom spline: 4 x 4 samples, right for quadratics.",
+    "mitchell": "Mitchell and Netravali's cubic, 4 x 4 samples: no rings, but a little blur, even where nothing moves.",
+    "bspline": "The interpolating cubic B-spline: coefficients are found first, by 33 samples along each axis.",
+    "lanczos2": "The Lanczos kernel of radius 2, 4 x 4 samples.",
+    "lanczos3": "The Lanczos kernel of radius 3, 6 x 6 samples: truth where nothing shrinks.",
+}
+
+
+class Moved(Map):
+    """Another map's places, moved by as many samples as were put around the source."""
+
+    def __init__(self, of: Map, around: int) -> None:
+        self._of, self._around = of, around
+        self.periods = of.periods
+
+    @classmethod
+    def by(cls, of: Map, around: int) -> Map:
+        return cls(of, around) if around else of
+
+    def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
+        x, y = self._of.at(u, v)
+        return x + self._around, y + self._around
+
+
+def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
+    @operation.method(
+        "mip",
+        error=lambda p, knob, facts: error_of("mip", p, facts, shrinks=warp.shrinks(p, facts)),
+        work=lambda p, knob, facts: _work(warp, p, facts) + facts["image"].samples / 4,
+        rates={"opencl": Rate(1e-3, 1.5e-8), "numpy": Rate(2e-3, 6e-7)},
+    )
+    class Mip:
+        """Two levels of a pyramid, bilinear in each, by the longer axis of the footprint."""
+
+        @staticmethod
+        def opencl(device: Device, inputs: Inputs, p: P, knob: float) -> Array:
+            if not device.has_fp64:
+                return Mip.numpy(inputs, p, knob)
+            return averaged(device, warp.source(inputs, p), warp.map(p, inputs), warp.extent_of(inputs, p), "mip")
+
+        @staticmethod
+        def numpy(inputs: Inputs, p: P, knob: float) -> Array:
+            return aligned(warp.by(inputs, p, mipmapped(pyramid(warp.source(inputs, p)))))
+
+
+def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
+    @operation.method(
+        "supersampled",
+        knob=POINTS,
+        error=lambda p, knob, facts: error_of("supersampled", p, facts, shrinks=warp.shrinks(p, facts)),
+        work=lambda p, knob, facts: _work(warp, p, facts) * (8 + (knob**2 if warp.shrinks(p, facts) else 0)),
+        rates={"opencl": Rate(3e-4, 2.5e-9), "numpy": Rate(2e-3, 2.5e-7)},
+    )
+    class Supersampled:
+        """A grid of bilinear samples over the ellipse of each pixel."""
+
+        @staticmethod
+        def opencl(device: Device, inputs: Inputs, p: P, knob: float) -> Array:
+            if not device.has_fp64:
+                return Supersampled.numpy(inputs, p, knob)
+            source, size = warp.source(inputs, p), warp.extent_of(inputs, p)
+            points = samples_of(round(knob))
+            return averaged(device, source, warp.map(p, inputs), size, "super", *points, deep=False)
+
+        @staticmethod
+        def numpy(inputs: Inputs, p: P, knob: float) -> Array:
+            return aligned(warp.by(inputs, p, supersampled(round(knob))))
+
+
+def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
+    @operation.method(
+        "ewa",
+        knob=SAMPLES,
+        error=lambda p, knob, facts: error_of("ewa", p, facts, shrinks=warp.shrinks(p, facts)),
+        work=lambda p, knob, facts: (
+            _work(warp, p, facts) * (8 + (8 * (knob * reach_of(knob)) ** 2 if warp.shrinks(p, facts) else 0))
+        ),
+        rates={"opencl": Rate(1e-3, 1e-9), "numpy": Rate(3e-3, 2e-7)},
+    )
+    class Ewa:
+        """The elliptical weighted average, of the level of a pyramid that fits the shorter axis."""
+
+        @staticmethod
+        def opencl(device: Device, inputs: Inputs, p: P, knob: float) -> Array:
+            if not device.has_fp64:
+                return Ewa.numpy(inputs, p, knob)
+            cut = np.float32(knob), np.float32(reach_of(knob))
+            return averaged(device, warp.source(inputs, p), warp.map(p, inputs), warp.extent_of(inputs, p), "ewa", *cut)
+
+        @staticmethod
+        def numpy(inputs: Inputs, p: P, knob: float) -> Array:
+            source = warp.source(inputs, p)
+            average = ellipse_average(pyramid(source), source, reach_of(knob), knob)
+            return aligned(warp.by(inputs, p, lambda s, at: filtered(s, at, average)))

@@ -1,0 +1,313 @@
+"""Resize: another number of rows and columns over the same rectangle.
+
+Truth: rows and columns, each by the Lanczos kernel of radius 3, stretched where the image shrinks so that it covers
+what a pixel of the result does (see `lichen.operations.warp.separable`). Pixels are squares: with n samples in and m
+out, the centre of sample i lies at (i + 1/2) n / m of the input, and edges lie on edges.
+
+The size is that of `width` and `height`, of which one may be left out to keep the proportions, or that of the image
+times `scale`, to the nearest whole pixel.
+
+Methods are the kernels, all stretched alike: nothing aliases, but by what a kernel lets through.
+
+* `nearest` takes the sample below the middle of each pixel, the only one that does alias.
+* `box` is the mean of the samples a pixel covers; enlarged, it repeats them.
+* `triangle`, `bicubic` (Catmull-Rom), `mitchell`, `lanczos2`, `lanczos3` (truth).
+
+All errors but rounding are those of the weights: the bound is the sum of the magnitudes of their differences from
+truth's, times half the range of the image.
+
+Sources: Turkowski, Filters for common resampling tasks, Graphics Gems 1990; Mitchell and Netravali, SIGGRAPH 1988.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache, partial
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from lichen.errors import Flaw
+from lichen.image import Alpha
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.opencl.device import Device
+from lichen.operation import (
+    ROUNDING,
+    WHOLE,
+    Border,
+    Error,
+    Facts,
+    HardCase,
+    Input,
+    InputFacts,
+    Inputs,
+    Light,
+    Operation,
+    OperationParameters,
+    Rate,
+)
+from lichen.operations.warp import cases, kernels
+from lichen.operations.warp.kernels import Kernel
+from lichen.operations.warp.resampling import LARGEST, Size, check_size, result_facts
+from lichen.operations.warp.separable import Axis, axis
+
+Factor = Annotated[float, Field(gt=0, le=LARGEST)]
+STRIP, BLOCK = 64, 4
+"""Floats of a row, or columns, and rows that one work-item does; as in resize.cl."""
+
+
+class Parameters(OperationParameters):
+    width: int | None = Field(None, ge=1, le=LARGEST, description="columns of the result")
+    height: int | None = Field(None, ge=1, le=LARGEST, description="rows of the result")
+    scale: Factor | tuple[Factor, Factor] | None = Field(
+        None, description="in place of width and height: one factor, or one across and one down"
+    )
+    border: Border = Field(Border.CLAMP, description="how the image continues beyond its edges")
+    value: float = Field(0.0, description="what lies beyond a constant border")
+
+
+def size_of(p: Parameters, facts: InputFacts) -> Size:
+    """Width and height of the result."""
+    image = facts["image"]
+    if p.scale is not None:
+        across, down = p.scale if isinstance(p.scale, tuple) else (p.scale, p.scale)
+        return max(1, math.floor(image.width * across + 0.5)), max(1, math.floor(image.height * down + 0.5))
+    width, height = p.width, p.height
+    if width is None and height is None:
+        return image.width, image.height
+    if width is None:
+        width = max(1, math.floor(image.width * (height or 1) / image.height + 0.5))
+    if height is None:
+        height = max(1, math.floor(image.height * width / image.width + 0.5))
+    return width, height
+
+
+def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
+    if p.scale is not None and (p.width is not None or p.height is not None):
+        return [Flaw("/parameters/scale", "a scale, or width and height: not both")]
+    size = size_of(p, facts)
+    if max(size) > LARGEST:
+        return [Flaw("/parameters/scale", f"makes {size[0]} x {size[1]} pixels; a side has {LARGEST} at most")]
+    return check_size(facts["image"], size)
+
+
+BOX = Kernel("box", 0.5, kernels.NEAREST.value, 0)
+METHODS: dict[str, tuple[Kernel, str]] = {
+    "nearest": (kernels.NEAREST, "The sample below the middle of each pixel."),
+    "box": (BOX, "The mean of the samples that a pixel covers."),
+    "triangle": (kernels.BILINEAR, "The triangle kernel: bilinear where the image grows."),
+    "bicubic": (kernels.CATMULL_ROM, "The Catmull-Rom spline."),
+    "mitchell": (kernels.MITCHELL, "Mitchell and Netravali's cubic: no rings, a little blur."),
+    "lanczos2": (kernels.LANCZOS2, "The Lanczos kernel of radius 2."),
+    "lanczos3": (kernels.LANCZOS3, "The Lanczos kernel of radius 3: truth, in float32."),
+}
+
+
+@lru_cache(maxsize=64)
+def table(before: int, after: int, name: str, border: Border) -> Axis:
+    """The weights of a method along one axis. Nearest takes one sample; box the share of each that a pixel covers."""
+    if name == "nearest":
+        place = np.minimum(np.floor((np.arange(after) + 0.5) * before / after), before - 1).astype(np.int32)
+        return Axis(place[:, np.newaxis], np.ones((after, 1)), np.zeros(after))
+    if name == "box":
+        return _covered(before, after)
+    return axis(before, after, METHODS[name][0], border)
+
+
+def _covered(before: int, after: int) -> Axis:
+    """The mean over the pixel, of samples that are constant over theirs: exact shares, no sample outside."""
+    step = before / after
+    begin, end = np.arange(after) * step, np.arange(1, after + 1) * step
+    if step < 1:  # a smaller pixel than a sample: the sample it lies in, as wide as one is
+        middle = (begin + end) / 2
+        begin, end = np.floor(middle), np.floor(middle) + 1
+    first = np.floor(begin).astype(np.int64)
+    index = first[:, np.newaxis] + np.arange(int(np.ceil(step)) + 1)
+    weights = np.clip(np.minimum(index + 1, end[:, np.newaxis]) - np.maximum(index, begin[:, np.newaxis]), 0, None)
+    weights[weights < 1e-9] = 0
+    index = np.where(weights > 0, np.minimum(index, before - 1), np.minimum(first, before - 1)[:, np.newaxis])
+    return Axis(index.astype(np.int32), weights / weights.sum(axis=1, keepdims=True), np.zeros(after))
+
+
+def _axes(p: Parameters, image: Facts, size: Size, name: str) -> tuple[Axis, Axis]:
+    """Across and down."""
+    return table(image.width, size[0], name, p.border), table(image.height, size[1], name, p.border)
+
+
+@lru_cache(maxsize=128)
+def _apart(before: int, after: int, name: str, border: Border) -> tuple[float, float]:
+    """Largest sum, and mean root of squares, of the differences between a method's weights and truth's."""
+    one, other = table(before, after, name, border), table(before, after, "lanczos3", border)
+    largest, squares = 0.0, 0.0
+    rows = max(1, (1 << 20) // before)
+    for first in range(0, after, rows):
+        some = slice(first, first + rows)
+        count = len(one.index[some])
+        dense = np.zeros((count, before + 1))
+        for each, sign in ((one, 1.0), (other, -1.0)):
+            np.add.at(dense, (np.arange(count)[:, np.newaxis], each.index[some]), sign * each.weights[some])
+            dense[:, before] += sign * each.constant[some]
+        largest = max(largest, float(np.abs(dense).sum(axis=1).max()))
+        squares += float(np.square(dense).sum())
+    return largest, math.sqrt(squares / after)
+
+
+def error(name: str, p: Parameters, knob: float, facts: InputFacts) -> Error:
+    image, size = facts["image"], size_of(p, facts)
+    low, high = image.extent.low, image.extent.high
+    if p.border is Border.CONSTANT:
+        low, high = min(low, p.value), max(high, p.value)
+    across, down = _axes(p, image, size, name)
+    least = 1.01 * (across.taps + down.taps + 8) * ROUNDING * across.gain * down.gain * max(abs(low), abs(high))
+    if name == "lanczos3":
+        return Error(least, "bound", least)
+    true_down = table(image.height, size[1], "lanczos3", p.border)
+    wide, wide_rms = _apart(image.width, size[0], name, p.border)
+    tall, tall_rms = _apart(image.height, size[1], name, p.border)
+    apart = wide * true_down.gain + across.gain * tall
+    typical = min(0.2 * math.hypot(wide_rms, tall_rms), apart / 2)
+    return Error((high - low) / 2 * apart + least, "bound", least, (high - low) * typical + least)
+
+
+def _result(p: Parameters, facts: InputFacts) -> Facts:
+    image, size = facts["image"], size_of(p, facts)
+    gains = [math.prod(each.gain for each in _axes(p, image, size, name)) for name in METHODS]
+    return result_facts(p, facts, size, max(gains))
+
+
+def _propagate(p: Parameters, facts: InputFacts, by: float) -> float:
+    return by * math.prod(each.gain for each in _axes(p, facts["image"], size_of(p, facts), "lanczos3"))
+
+
+def _identity(p: Parameters, facts: InputFacts) -> str | None:
+    image = facts["image"]
+    return "the size is the image's" if size_of(p, facts) == (image.width, image.height) else None
+
+
+def _work(name: str, p: Parameters, knob: float, facts: InputFacts) -> float:
+    """Multiplications of both passes, rows first."""
+    image, (width, height) = facts["image"], size_of(p, facts)
+    across, down = _axes(p, image, (width, height), name)
+    return float(image.channels * (height * image.width * (down.taps + 1) + height * width * (across.taps + 1)))
+
+
+def _checkerboard() -> cases.Given:
+    at = np.arange(64)
+    return {"image": ((at[:, None] + at) % 2).astype(np.float32)[..., None].repeat(3, axis=2)}
+
+
+def _half(inputs: cases.Given, pixels: Array) -> str | None:
+    wrong = float(np.abs(pixels - 0.5).max())
+    return None if wrong <= 1e-6 else f"off by {wrong:g}"
+
+
+resize = Operation(
+    name="resize",
+    family="warp",
+    summary="Gives an image another number of rows and columns.",
+    description=__doc__ or "",
+    parameters=Parameters,
+    inputs=(Input("image", "a picture or data, any number of channels"),),
+    light=Light.LINEAR,
+    wants_alpha=Alpha.ASSOCIATED,
+    footprint=lambda p, facts: WHOLE,
+    result=_result,
+    propagate=_propagate,
+    implied=lambda p, facts: "the result has another size than the image",
+    identity=_identity,
+    check=_check,
+    customary=("lanczos3", 0.0),
+    examples=(
+        {"scale": 0.4},
+        {"width": 96, "height": 20, "border": "reflect"},
+        {"scale": [0.25, 1.6], "border": "constant", "value": 0.3},
+        {"height": 7, "border": "wrap"},
+    ),
+    hard_cases=(
+        HardCase(
+            name="checkerboard",
+            why="the mean of light and dark is half the light; taken from display values it is far darker",
+            inputs=_checkerboard,
+            parameters={"width": 8, "border": "wrap"},
+            holds=_half,
+            methods=("box", "triangle", "bicubic", "mitchell", "lanczos2", "lanczos3"),
+        ),
+        HardCase(
+            name="to one pixel",
+            why="weights of thousands of samples must still sum to one",
+            inputs=cases.constant,
+            parameters={"width": 1, "height": 1},
+            holds=cases.stays_constant,
+        ),
+        HardCase(
+            name="to many",
+            why="a constant must not ripple",
+            inputs=lambda: {"image": np.full((3, 1, 2), 0.7, np.float32)},
+            parameters={"width": 501, "height": 333},
+            holds=cases.stays_constant,
+        ),
+    ),
+)
+
+
+@resize.truth
+def truth(inputs: Inputs, p: Parameters) -> Array:
+    image = inputs["image"]
+    across, down = _axes(p, Facts.of(image), size_of(p, {"image": Facts.of(image)}), "lanczos3")
+    return across.apply(down.apply(image.pixels, p.value).swapaxes(0, 1), p.value).swapaxes(0, 1)
+
+
+def _opencl(device: Device, inputs: Inputs, p: Parameters, name: str) -> Array:
+    image = inputs["image"]
+    width, height = size_of(p, {"image": Facts.of(image)})
+    across, down = _axes(p, Facts.of(image), (width, height), name)
+    channels = image.channels
+    out = aligned_empty((height, width, channels))
+    with device.session() as session:
+        between = session.scratch((height, image.width, channels))
+        session.launch(
+            "warp/resize.cl", "down", (-(-image.width * channels // STRIP), height), aligned(image.pixels),
+            session.readwrite(between), *tables(down, p.value), np.int32(down.taps),
+            np.int32(image.width * channels), np.int32(height), local=(1, 16), defines={"CHANNELS": channels},
+        )  # fmt: skip
+        session.launch(
+            "warp/resize.cl", "across", (-(-width // STRIP), -(-height // BLOCK)), between, session.write(out),
+            *tables(across, p.value), np.int32(across.taps), np.int32(image.width), np.int32(width),
+            np.int32(height), local=(1, 16), defines={"CHANNELS": channels},
+        )  # fmt: skip
+    return out
+
+
+def tables(one: Axis, value: float) -> tuple[Array, Array, Array]:
+    """Index, weights and what the border adds, as the kernels of resize.cl take them."""
+    return aligned(one.index, np.int32), aligned(one.weights), aligned(one.constant * value)
+
+
+def _numpy(inputs: Inputs, p: Parameters, name: str) -> Array:
+    image = inputs["image"]
+    across, down = _axes(p, Facts.of(image), size_of(p, {"image": Facts.of(image)}), name)
+    return aligned(across.apply(down.apply(image.pixels, p.value).swapaxes(0, 1), p.value).swapaxes(0, 1))
+
+
+def _add(name: str, told: str) -> None:
+    class ByKernel:
+        @staticmethod
+        def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
+            return _opencl(device, inputs, p, name)
+
+        @staticmethod
+        def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
+            return _numpy(inputs, p, name)
+
+    ByKernel.__doc__ = told
+    resize.method(
+        name,
+        error=partial(error, name),
+        work=partial(_work, name),
+        rates={"opencl": Rate(4e-4, 8e-11), "numpy": Rate(3e-4, 1.5e-9)},
+    )(ByKernel)
+
+
+for _name, (_, _told) in METHODS.items():
+    _add(_name, _told)

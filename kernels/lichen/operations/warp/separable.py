@@ -1,0 +1,115 @@
+"""Resizing along one axis: which samples each sample of the result takes, with which weights.
+
+Output sample i lies at input coordinate (i + 1/2) n / m, with n samples in and m out: both images cover the same
+rectangle. The kernel k is stretched to the wider of the two grids, so that it averages what shrinks:
+
+    w[j] = k((j + 1/2 - (i + 1/2) n / m) / max(n / m, 1)), divided by the sum over j.
+
+What lies beyond the image is folded onto the samples that the border repeats, or, for a constant border, onto one
+weight for its value. Weights are exact to float64, and so few samples have any that a table of them is small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from lichen.memory import Array
+from lichen.operation import Border
+from lichen.operations.convolution.borders import OUTSIDE, continued
+from lichen.operations.warp.kernels import Doubles, Kernel
+
+MOST = 1 << 22
+"""Weights worked on at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """Sample i of the result is the sum over k of weights[i, k] x in[index[i, k]], plus constant[i] x value."""
+
+    index: npt.NDArray[np.int32]
+    weights: Doubles
+    constant: Doubles
+
+    @property
+    def gain(self) -> float:
+        """The largest sum of magnitudes."""
+        return float((np.abs(self.weights).sum(axis=1) + np.abs(self.constant)).max())
+
+    @property
+    def taps(self) -> int:
+        return int(self.index.shape[1])
+
+    def apply(self, pixels: Array, value: float) -> Array:
+        """Along the first axis."""
+        shape = (-1, *(1,) * (pixels.ndim - 1))
+        out = np.zeros((len(self.index), *pixels.shape[1:]), pixels.dtype)
+        for k in range(self.taps):
+            out += self.weights[:, k].reshape(shape).astype(pixels.dtype) * pixels[self.index[:, k]]
+        if self.constant.any():
+            out += (self.constant * value).reshape(shape).astype(pixels.dtype)
+        return out
+
+
+@lru_cache(maxsize=64)
+def axis(before: int, after: int, kernel: Kernel, border: Border) -> Axis:
+    """From `before` samples to `after`."""
+    step = before / after
+    stretch = max(step, 1.0)
+    reach = kernel.radius * stretch
+    taps = min(int(np.ceil(2 * reach)) + 1, before + 1)
+    parts = []
+    rows = max(1, MOST // int(np.ceil(2 * reach) + 2))
+    for first in range(0, after, rows):
+        parts.append(_rows(np.arange(first, min(first + rows, after)), before, after, kernel, border))
+    width = max(part[0].shape[1] for part in parts)
+    index = np.concatenate([np.pad(part[0], ((0, 0), (0, width - part[0].shape[1])), mode="edge") for part in parts])
+    weights = np.concatenate([np.pad(part[1], ((0, 0), (0, width - part[1].shape[1]))) for part in parts])
+    assert width <= taps
+    return Axis(index.astype(np.int32), weights, np.concatenate([part[2] for part in parts]))
+
+
+def _rows(
+    which: npt.NDArray[np.int64], before: int, after: int, kernel: Kernel, border: Border
+) -> tuple[npt.NDArray[np.int64], Doubles, Doubles]:
+    """Index, weights and the constant's weight of some samples of the result."""
+    step = before / after
+    stretch = max(step, 1.0)
+    place = (which + 0.5) * step - 0.5
+    # A place that is a sample's, but for its rounding, is that sample's.
+    near = np.rint(place)
+    place = np.where(np.abs(place - near) < 1e-12 * before, near, place)
+    far = kernel.radius * stretch
+    first = np.floor(place - far).astype(np.int64)
+    columns = first[:, np.newaxis] + np.arange(int(np.ceil(2 * far)) + 2)
+    weights = kernel.value((columns - place[:, np.newaxis]) / stretch)
+    weights = weights / weights.sum(axis=1, keepdims=True)
+    at = continued(columns, before, border)
+    constant = np.where(at == OUTSIDE, weights, 0.0).sum(axis=1)
+    weights = np.where(at == OUTSIDE, 0.0, weights)
+    return *_merged(at, weights, before), constant
+
+
+def _merged(at: npt.NDArray[np.int64], weights: Doubles, before: int) -> tuple[npt.NDArray[np.int64], Doubles]:
+    """Weights of one sample added up, those of 0 left out, rows filled up with weight 0 of a sample they have."""
+    count = len(at)
+    keys = (np.arange(count)[:, np.newaxis] * before + np.where(weights == 0, 0, at)).reshape(-1)
+    keep = weights.reshape(-1) != 0
+    found, where = np.unique(keys[keep], return_inverse=True)
+    summed = np.bincount(where, weights.reshape(-1)[keep], minlength=len(found))
+    rows, samples = found // before, found % before
+    starts = np.searchsorted(rows, np.arange(count + 1))
+    lengths = np.diff(starts)
+    width = max(int(lengths.max(initial=0)), 1)
+    slots = np.arange(width)
+    inside = slots < lengths[:, np.newaxis]
+    taken = np.where(
+        inside, starts[:-1, np.newaxis] + slots, np.minimum(starts[:-1], max(len(found) - 1, 0))[:, np.newaxis]
+    )
+    if not len(found):
+        return np.zeros((count, 1), np.int64), np.zeros((count, 1))
+    index = np.where(lengths[:, np.newaxis] > 0, samples[taken], 0)
+    return index, np.where(inside, summed[taken], 0.0)

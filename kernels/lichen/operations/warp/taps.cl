@@ -1,0 +1,82 @@
+/* Warps that take one interpolated value for each pixel: nearest, bilinear, and kernels of 4 or 6 samples.
+ * Arguments: `matrix` or `table`, whichever is not null; the size of the result; the picture; where to write. */
+
+#include "taps.clh"
+
+#define ARGUMENTS                                                                                                      \
+    global const double *restrict matrix, global const double *restrict table, int width, int height,                  \
+        global const float *restrict pixels, int columns, int rows, int border, float value,                           \
+        global float *restrict out, int stride, int channel
+
+#define BEGIN                                                                                                          \
+    const int first = get_global_id(0) * SEGMENT, row = get_global_id(1);                                              \
+    if (first >= width || row >= height) return;                                                                       \
+    const Picture picture = {pixels, columns, rows, border, value};                                                    \
+    double x[SEGMENT], y[SEGMENT];                                                                                     \
+    int seen[SEGMENT];                                                                                                 \
+    locate(x, y, matrix, table, first, row, width);                                                                    \
+    fold(x, y, &picture);                                                                                              \
+    const int count = min(SEGMENT, width - first);                                                                     \
+    const size_t start = (size_t)row * width + first;
+
+#define SPLIT                                                                                                          \
+    int column[SEGMENT], line[SEGMENT], easy[SEGMENT];                                                                 \
+    float fx[SEGMENT], fy[SEGMENT];                                                                                    \
+    split_both(column, line, fx, fy, seen, x, y);
+
+/* Pixels that need no care first, then the others. */
+#define WRITE(easy, quick, careful)                                                                                    \
+    for (int i = 0; i < count; ++i)                                                                                    \
+        if (easy[i]) put(out, start + i, stride, channel, quick);                                                      \
+    for (int i = 0; i < count; ++i)                                                                                    \
+        if (!easy[i]) put(out, start + i, stride, channel, seen[i] ? (careful) : (T)(value));
+
+kernel void nearest(ARGUMENTS) {
+    BEGIN
+    int column[SEGMENT], line[SEGMENT], easy[SEGMENT];
+    EACH {
+        seen[i] = fabs(x[i]) < INFINITY && fabs(y[i]) < INFINITY;
+        column[i] = (int)floor(fmax(fmin(x[i], FAR), -FAR));
+        line[i] = (int)floor(fmax(fmin(y[i], FAR), -FAR));
+        easy[i] = seen[i] & (column[i] >= 0) & (line[i] >= 0) & (column[i] < columns) & (line[i] < rows);
+    }
+    WRITE(easy, LOAD(pixels + CHANNELS * ((size_t)line[i] * columns + column[i])), fetch(&picture, column[i], line[i]))
+}
+
+kernel void linear(ARGUMENTS) {
+    BEGIN
+    SPLIT
+    find_easy(easy, seen, column, line, fx, fy, 0, 2, &picture);
+    WRITE(easy, bilinear_inside(&picture, column[i], line[i], fx[i], fy[i]),
+          bilinear(&picture, column[i], line[i], fx[i], fy[i]))
+}
+
+inline T taps4_anywhere(const Picture *picture, int column, int row, const Four *across, const Four *down, int i) {
+    const float wx[4] = {across->w[0][i], across->w[1][i], across->w[2][i], across->w[3][i]};
+    const float wy[4] = {down->w[0][i], down->w[1][i], down->w[2][i], down->w[3][i]};
+    return taps_anywhere(picture, column - 1, row - 1, 4, wx, wy);
+}
+
+kernel void four(ARGUMENTS, int kind) {
+    BEGIN
+    SPLIT
+    Four across, down;
+    weigh4(&across, fx, kind);
+    weigh4(&down, fy, kind);
+    find_easy(easy, seen, column, line, fx, fy, 1, 4, &picture);
+    const size_t pitch = (size_t)CHANNELS * columns;
+    WRITE(easy, taps4(pixels + (line[i] - 1) * pitch + CHANNELS * (column[i] - 1), pitch, &across, &down, i),
+          taps4_anywhere(&picture, column[i], line[i], &across, &down, i))
+}
+
+kernel void six(ARGUMENTS) {
+    BEGIN
+    SPLIT
+    Six across, down;
+    weigh6(&across, fx);
+    weigh6(&down, fy);
+    find_easy(easy, seen, column, line, fx, fy, 2, 6, &picture);
+    const size_t pitch = (size_t)CHANNELS * columns;
+    WRITE(easy, taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i),
+          taps6_anywhere(&picture, column[i], line[i], &across, &down, i))
+}

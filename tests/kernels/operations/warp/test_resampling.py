@@ -1,0 +1,149 @@
+"""The shared core against SciPy, OpenCV and what can be said in a line; work that is counted, and precision far out."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import lichen
+from lichen.image import as_image
+from lichen.opencl.device import default_device
+from lichen.operation import Border
+from lichen.operations.warp import kernels
+from lichen.operations.warp.affine import affine
+from lichen.operations.warp.footprints import Ellipses
+from lichen.operations.warp.maps import Map, Places, Projective
+from lichen.operations.warp.matrices import output_to_input
+from lichen.operations.warp.reference import REACH, Source, interpolate, resample, truth_sampler
+
+NOISE = np.random.default_rng(7).random((40, 52, 2))
+SCIPY = {Border.REFLECT: "reflect", Border.REFLECT101: "mirror", Border.CLAMP: "nearest", Border.WRAP: "grid-wrap"}
+
+
+def scattered(count: int = 400, beyond: float = 30.0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(3)
+    return rng.uniform(-beyond, 52 + beyond, count), rng.uniform(-beyond, 40 + beyond, count)
+
+
+@pytest.mark.parametrize("border", list(SCIPY))
+def test_bilinear_and_spline_agree_with_scipy(border: Border) -> None:
+    x, y = scattered()
+    source = Source(NOISE, border, 0.0)
+    expected = ndimage.map_coordinates(NOISE[..., 0], [y - 0.5, x - 0.5], order=1, mode=SCIPY[border])
+    np.testing.assert_allclose(interpolate(source, x, y, kernels.BILINEAR)[:, 0], expected, atol=1e-12)
+    if border is Border.CLAMP:
+        return  # SciPy's prefilter goes on by another border there
+    example = {"matrix": [[1, 0, 3.3], [0, 1, -2.6]], "border": border}
+    made = lichen.run("affine", NOISE, method="bspline", **example).image.pixels
+    columns, rows = np.arange(52) + 0.0, np.arange(40) + 0.0
+    at = np.meshgrid(rows + 2.6, columns - 3.3, indexing="ij")
+    spline = ndimage.map_coordinates(NOISE[..., 0], at, order=3, mode=SCIPY[border])
+    np.testing.assert_allclose(made[..., 0], spline, atol=3e-6)
+
+
+def test_cubic_agrees_with_opencv() -> None:
+    """Whose cubic is Keys' with a = -0.75; ours with the same parameter, in the interior."""
+    x, y = (np.clip(each, 4, 35).astype(np.float32) for each in scattered())
+    sharper = kernels.Kernel("keys", 2, kernels.cubic(0, 0.75), 0)
+    expected = cv2.remap(NOISE.astype(np.float32), (x - 0.5)[None], (y - 0.5)[None], cv2.INTER_CUBIC)[0]
+    found = interpolate(Source(NOISE, Border.REFLECT, 0.0), x.astype(float), y.astype(float), sharper)
+    np.testing.assert_allclose(found, expected, atol=2e-5)
+
+
+@pytest.mark.parametrize(
+    "kernel",
+    [kernels.BILINEAR, kernels.CATMULL_ROM, kernels.MITCHELL, kernels.LANCZOS2, kernels.LANCZOS3, kernels.BSPLINE],
+)
+def test_weights_sum_to_one_and_samples_stay(kernel: kernels.Kernel) -> None:
+    fractions = np.concatenate([[0.0, 2.0**-40, 0.5, 1 - 2.0**-40], np.random.default_rng(0).random(100)])
+    weights = kernel.weights(fractions)
+    np.testing.assert_allclose(weights.sum(axis=0), 1, atol=1e-15)
+    if kernel.interpolates:
+        np.testing.assert_array_equal(weights[:, 0], (kernel.offsets() == 0).astype(float))
+
+
+def test_a_gaussian_is_what_the_average_of_one_is() -> None:
+    """A wide Gaussian blob, shrunk: its variance in the result is the sum of its own and the ellipse's."""
+    y, x = np.mgrid[0:96, 0:96] + 0.5
+    deviation, shrink = 9.0, 4.0
+    blob = np.exp(-((x - 48) ** 2 + (y - 48) ** 2) / (2 * deviation**2))[..., None]
+    map_ = Projective.of([[shrink, 0, 0], [0, shrink, 0], [0, 0, 1]])
+    found = resample(Source(blob, Border.CONSTANT, 0.0), map_, 24, 24, truth_sampler)[..., 0]
+    variance = deviation**2 + shrink**2 / 4
+    at = (np.arange(24) + 0.5) * shrink - 48
+    expected = deviation**2 / variance * np.exp(-(at[:, None] ** 2 + at**2) / (2 * variance))
+    np.testing.assert_allclose(found, expected, atol=2e-6)
+
+
+def test_ellipses_are_those_of_the_singular_value_decomposition() -> None:
+    rng = np.random.default_rng(5)
+    for jacobian in rng.normal(size=(50, 2, 2)) * 10 ** rng.uniform(-2, 4, (50, 1, 2)):
+        (xu, xv), (yu, yv) = jacobian
+        flat = [np.array([each]) for each in (0.0, 0.0, xu, yu, xv, yv)]
+        found = Ellipses.of(Places(*flat))
+        u, sizes, _ = np.linalg.svd(jacobian)
+        shape = u @ np.diag(np.maximum(sizes, 1) ** 2) @ u.T
+        xx, xy, yy = (float(each[0]) for each in found.inverse())
+        np.testing.assert_allclose([[xx, xy], [xy, yy]], np.linalg.inv(shape), rtol=1e-6, atol=1e-15)
+        np.testing.assert_allclose([found.xx[0], found.yy[0]], np.diag(shape), rtol=1e-12)
+
+
+class Numeric(Map):
+    """A projective map that does not tell its derivative."""
+
+    def __init__(self, of: Projective) -> None:
+        self.at = of.at  # type: ignore[method-assign]
+
+
+def test_footprints_from_side_to_side_are_nearly_the_derivative() -> None:
+    of = Projective.of([[0.9, 0.1, 3], [-0.2, 1.2, 1], [1e-3, 2e-3, 1]])
+    u, v = np.arange(20) + 0.5, np.arange(30) + 0.5
+    for found, expected in zip(Numeric(of).places(u, v), of.places(u, v), strict=True):
+        np.testing.assert_allclose(found, expected, atol=2e-5)
+
+
+@pytest.mark.parametrize("method", ["bilinear", "bicubic", "mitchell"])
+def test_places_are_exact_at_sixteen_thousand_pixels(method: str) -> None:
+    """A ramp of slope 1 shows where a pixel looked. Steps of 1/32 px, or float32 coordinates, would be seen."""
+    ramp = (np.arange(16384, dtype=np.float64) - 16000).astype(np.float32)[None, :, None].repeat(2, axis=0)
+    wanted = 16000 + np.array([0.1, 1 / 3, 0.7071, 0.9999])
+    device = default_device()
+    assert device is not None
+    for at in wanted:
+        p = affine.validate({"matrix": [[1, 0, at], [0, 1, 0]], "inverse": True, "width": 1, "border": "clamp"})
+        inputs = {"image": as_image(ramp)}
+        found = affine.methods[method].implementation.opencl(device, inputs, p, 0.0)
+        assert abs(found[0, 0, 0] - (at - 16000)) < 1e-4
+
+
+def taps(matrix: list[list[float]], side: int, samples: float = 1.0, reach: float = 2.0) -> float:
+    """Samples that `ewa` takes for an image of that side, as its loops run: by the areas of its ellipses."""
+    map_ = Projective.of(matrix)
+    few = max(side // 64, 1)  # columns are much alike; lines are not
+    at = map_.places(np.arange(0, side, few) + 0.5, np.arange(side) + 0.5)
+    seen = np.isfinite(at.x)
+    ellipses = Ellipses.of(at.take(seen))
+    shrinking = (ellipses.blend() > 0) & ~ellipses.beyond(side, side)
+    some = ellipses.take(shrinking)
+    level = np.floor(np.maximum(np.log2(np.sqrt(some.minor) / samples), 0))
+    lines = 2 * reach * np.sqrt(some.yy) / 2**level + 1
+    area = np.pi * reach**2 * np.sqrt(some.major * some.minor) / 4**level
+    return few * float(36 * seen.sum() + (area + 4 * lines).sum())
+
+
+@pytest.mark.parametrize("side", [16, 64, 256, 1024, 4096])
+def test_a_vanishing_line_costs_no_more_than_a_few_benign_warps(side: int) -> None:
+    horizon = [[1.0, 0, 0], [0, 0.3, 0.375 * side], [0, 2 / side, -1]]
+    benign = [[1.25, 0.05, 0], [-0.05, 1.3, 0], [0.1 / side, 0.1 / side, 1]]
+    assert taps(horizon, side) <= 3 * taps(benign, side)
+
+
+def test_truth_cuts_where_nothing_is_left() -> None:
+    assert np.exp(-2 * REACH**2) < 2e-8
+
+
+def test_whole_shifts_and_turns_have_whole_inverses() -> None:
+    turn = np.array([[0.0, -1, 31], [1, 0, 7], [0, 0, 1]])
+    np.testing.assert_array_equal(output_to_input(turn, inverse=False), [[0, 1, -7], [-1, 0, 31], [0, 0, 1]])
