@@ -7,8 +7,11 @@ taken in. `/livez` is answered right there, so it answers when every other threa
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import structlog
@@ -17,6 +20,9 @@ from lichen import catalogue
 from lichen.errors import LichenError
 from lichen.files import encode
 from lichen_service import logs
+from lichen_service.access import signing
+from lichen_service.access.cors import Cors
+from lichen_service.access.guard import Caller, Guard
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.descriptions import path_of
 from lichen_service.documents import canonical
@@ -28,8 +34,8 @@ from lichen_service.routes.accuracy import Accuracy
 from lichen_service.routes.catalogue import Catalogue
 from lichen_service.routes.running import Running
 from lichen_service.routes.system import System
-from lichen_service.routing import Route, find
-from lichen_service.settings import Settings
+from lichen_service.routing import Match, Route, find
+from lichen_service.settings import SHARED, Settings
 from lichen_service.uploads import check_type
 
 log = structlog.get_logger("lichen_service")
@@ -41,8 +47,11 @@ SMALL_BODY = 4096
 class Service:
     """The routes under one roof; an `Application` for the wire."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, shared: Path | None = None) -> None:
+        """`shared` is a folder that all worker processes of this service have in common."""
         self._settings = settings
+        self._guard = Guard(settings, shared)
+        self._cors = Cors.parse(settings.cors_origins)
         self.readiness = Readiness(self._canary)
         self.traffic = Traffic()
         self.calibrating = Calibrating(self.readiness, self.traffic)
@@ -53,35 +62,43 @@ class Service:
         self.routes = (
             Route("/", {"GET": system.index}),
             Route("/v1/operations", {"GET": described.list}),
-            Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, bodies=True),
+            Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, "run"),
             Route("/v1/accuracy", {"GET": accuracy.list}),
             Route("/v1/accuracy/{name}", {"GET": accuracy.one}),
             Route("/v1/limits", {"GET": system.limits}),
             Route("/v1/version", {"GET": system.version}),
             Route("/openapi.json", {"GET": system.openapi}),
-            Route("/livez", {"GET": system.alive}),
-            Route("/readyz", {"GET": system.ready}),
+            Route("/livez", {"GET": system.alive}, scope=None),
+            Route("/readyz", {"GET": system.ready}, scope=None),
         )
 
     def admit(self, head: Head) -> Admission | Response:
         """The word that the body may be read, or the answer without it."""
-        return _answer(head, lambda: self._admit(head))
+        answer = _answer(head, lambda: self._admit(head))
+        return self._cors.add(head, answer) if isinstance(answer, Response) else answer
 
     def handle(self, request: Request) -> Response:
         """The answer to a whole request. Every error becomes a problem document."""
         with self.traffic.request():
             response = _answer(request.head, lambda: self._handle(request))
         assert isinstance(response, Response)
-        return response
+        caller = request.caller
+        if isinstance(caller, Caller):
+            response.headers |= caller.rate_headers
+            response.log |= {"client": caller.address} if caller.address != request.head.peer else {}
+            response.log |= {"key": caller.name} if caller.name else {}
+        return self._cors.add(request.head, response)
 
     def _admit(self, head: Head) -> Admission | Response:
-        match = find(self.routes, head)
+        if (preflight := self._preflight(head)) is not None:
+            return preflight
+        match, caller = self._let_in(head)
         if match.name and match.route.bodies:
             catalogue.operation(match.name)
         if match.route.template == "/livez" and not head.length:
             return self._handle(Request(head, b""))
         if not (match.route.bodies and head.method in ("POST", "QUERY")):
-            return Admission(SMALL_BODY)
+            return Admission(SMALL_BODY, caller)
         if head.length is not None and head.length > self._settings.max_body:
             raise Refusal(
                 413,
@@ -92,9 +109,27 @@ class Service:
                 actual=head.length,
             )
         check_type(head, readable())
-        return Admission(self._settings.max_body)
+        return Admission(self._settings.max_body, caller)
+
+    def _preflight(self, head: Head) -> Response | None:
+        if head.method != "OPTIONS" or not self._cors.origins:
+            return None
+        return self._cors.preflight(head, find(self.routes, head).route.allow)
+
+    def _let_in(self, head: Head) -> tuple[Match, Caller]:
+        """Where a request goes, and who sends it. Who may not come in does not learn what there is."""
+        try:
+            match = find(self.routes, head)
+        except Refusal:
+            self._guard.admit(head, "")
+            raise
+        scope = match.route.scope
+        return match, Caller() if scope is None else self._guard.admit(head, scope)
 
     def _handle(self, request: Request) -> Response:
+        if signing.is_signed(request.head.query):
+            query = signing.without_signature(request.head.query)
+            request = replace(request, head=replace(request.head, query=query))
         head = request.head
         if head.method == "OPTIONS":
             return self._options(head)
@@ -167,7 +202,8 @@ def create_application() -> Service:
     does, after it, the calibration of a machine that has none."""
     logs.configure()
     settings = Settings.load()
-    service = Service(settings)
+    shared = os.environ.get(SHARED)
+    service = Service(settings, Path(shared) if shared else None)
     service.readiness.start()
     if settings.calibrate == "on":
         service.calibrating.start()

@@ -85,9 +85,11 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     )
     for each in DECLARED:
         default = each.default if each.default != "" else "empty"
-        parser.add_argument(
-            each.flag, metavar=each.kind.__name__.upper(), help=f"{each.help} (default {default}; {each.variable})"
-        )
+        shown = f"{each.help} (default {default}; {each.variable})"
+        if each.choices == ("on", "off"):  # the flag alone switches it on
+            parser.add_argument(each.flag, nargs="?", const="on", metavar="on|off", help=shown)
+        else:
+            parser.add_argument(each.flag, metavar=each.kind.__name__.upper(), help=shown)
 
 
 def from_command_line(arguments: Sequence[str] | None = None, prog: str = "python -m lichen_service") -> Configuration:

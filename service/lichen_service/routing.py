@@ -27,6 +27,8 @@ class Route:
     handlers: Mapping[str, Handler]
     bodies: bool = False
     """whether any of its methods reads a body"""
+    scope: str | None = ""
+    """what a key must be for; empty: any key will do; None: no key is needed"""
     pattern: re.Pattern[str] = field(init=False)
 
     def __post_init__(self) -> None:

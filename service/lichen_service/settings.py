@@ -11,7 +11,10 @@ import dataclasses
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
+
+import platformdirs
 
 PREFIX = "LICHEN_"
 
@@ -71,6 +74,22 @@ class Settings:
     max_decoded: int = _setting(1 << 31, "most bytes of one image once decoded", 1, None, limit="image_bytes")
     max_images: int = _setting(16, "most images in one request", 1, 1024, limit="images")
 
+    data: str = _setting("", "folder for keys, assets and jobs; empty: this user's data folder")
+    keys: str = _setting("", "file of keys (lichen keys); empty: keys.json in the data folder, if there is one")
+    insecure: str = _switch("off", "whether everybody may ask, also from other machines, without a key")
+    trusted_proxies: str = _setting(
+        "", "addresses and networks, with commas, whose X-Forwarded-For is believed; 'unix' is the socket"
+    )
+    cors_origins: str = _setting("", "origins, with commas, whose pages may read answers; * for all")
+    rate: float = _setting(
+        0.0,
+        "requests a minute of one key, or of one address where no keys are needed; 0: any",
+        0,
+        1e9,
+        limit="requests_per_minute",
+    )
+    burst: int = _setting(60, "requests that may come at once within that rate", 1, 10**9, limit="requests_at_once")
+
     calibrate: str = _switch("on", "whether a machine without measured times is measured, while idle")
 
     def environment(self) -> dict[str, str]:
@@ -99,6 +118,14 @@ class Settings:
         if flaws:
             raise InvalidSettings("; ".join(flaws))
         return cls(**values)
+
+    @property
+    def data_folder(self) -> Path:
+        return Path(self.data) if self.data else platformdirs.user_data_path("lichen")
+
+    @property
+    def key_file(self) -> Path:
+        return Path(self.keys) if self.keys else self.data_folder / "keys.json"
 
     def limits(self) -> dict[str, Any]:
         """What clients are told, by its published name."""
@@ -160,6 +187,8 @@ class Declared:
             raise ValueError(f"must be at most {self.high:g} (got {shown})")
 
 
+SHARED = PREFIX + "SHARED"
+"""The variable by which a worker learns of the folder that all workers of one service share while they run."""
 CONFIG_VARIABLE = PREFIX + "CONFIG"
 NO_FILE = "none"
 """The name of a file of settings that stands for none."""

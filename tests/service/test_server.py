@@ -6,9 +6,11 @@ import http.client
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,12 +29,13 @@ BLUR = "/v1/operations/gaussian"
 def served(**environment: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
     """A server on a free port, ready to be asked; ended when left."""
     command = [sys.executable, "-m", "lichen_service", "--port", "0", "--workers", "1", "--threads", "2"]
+    data = tempfile.mkdtemp(prefix="lichen-test-")
     process = subprocess.Popen(
         [*command, "--max-body", "1000000"],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env=os.environ | environment,
+        env=os.environ | {"LICHEN_DATA": data} | environment,
     )
     try:
         assert process.stdout is not None
@@ -45,6 +48,7 @@ def served(**environment: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
         process.terminate()
         process.wait(30)
         process.stdout.close()
+        shutil.rmtree(data, ignore_errors=True)
 
 
 def wait_until_ready(port: int) -> None:

@@ -260,7 +260,7 @@ class Connection:
     def _admit(self, head: Head, admission: Admission) -> None:
         exchange, length = self._exchange, head.length
         largest = min(admission.largest_body, self._loop.settings.max_body)
-        exchange.body_started = time.monotonic()
+        exchange.caller, exchange.body_started = admission.caller, time.monotonic()
         exchange.body = ChunkedBody(largest) if length is None else FixedBody(length)
         self.phase = Phase.BODY
         self._deadline.set(self._slowest(exchange.body_started, 0))
@@ -274,7 +274,7 @@ class Connection:
         assert exchange.body is not None
         exchange.queued = time.monotonic()
         head = replace(exchange.head, deadline=exchange.queued + self._loop.settings.request_timeout)
-        request = Request(head, exchange.body.body)
+        request = Request(head, exchange.body.body, exchange.caller)
         if not self._loop.submit(partial(self._work, request)):
             self._respond(self._loop.busy(head.request_id))
             return

@@ -61,6 +61,8 @@ class Exchange:
     keep_alive: bool = False
     waits_for_continue: bool = False
     started: float = field(default_factory=time.monotonic)
+    caller: object = None
+    """who asks, as the routes said"""
     body: FixedBody | ChunkedBody | None = None
     body_started: float = 0.0
     received: int = 0

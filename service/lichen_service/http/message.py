@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 Body = bytes | bytearray | memoryview
 
@@ -43,6 +43,8 @@ class Head:
 class Request:
     head: Head
     body: Body
+    caller: Any = None
+    """what the routes' admission said of who asks; the wire only hands it on"""
 
 
 @dataclass(slots=True)
@@ -60,6 +62,8 @@ class Admission:
 
     largest_body: int
     """bytes; more than this is refused with 413 while it arrives"""
+    caller: Any = None
+    """who asks, as the routes know it; it comes back in `Request`"""
 
 
 class Application(Protocol):
