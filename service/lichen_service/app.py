@@ -28,6 +28,7 @@ from lichen_service.descriptions import path_of
 from lichen_service.documents import canonical
 from lichen_service.formats import readable
 from lichen_service.http.message import Admission, Head, Request, Response
+from lichen_service.memory import Memory
 from lichen_service.readiness import Readiness, example
 from lichen_service.refusals import Refusal, internal, refusal_of
 from lichen_service.routes.accuracy import Accuracy
@@ -50,6 +51,7 @@ class Service:
     def __init__(self, settings: Settings, shared: Path | None = None) -> None:
         """`shared` is a folder that all worker processes of this service have in common."""
         self._settings = settings
+        self.memory = Memory(settings.memory // settings.workers)
         self._guard = Guard(settings, shared)
         self._cors = Cors.parse(settings.cors_origins)
         self.readiness = Readiness(self._canary)
@@ -79,7 +81,7 @@ class Service:
 
     def handle(self, request: Request) -> Response:
         """The answer to a whole request. Every error becomes a problem document."""
-        with self.traffic.request():
+        with self.traffic.request(), self.memory.request():
             response = _answer(request.head, lambda: self._handle(request))
         assert isinstance(response, Response)
         caller = request.caller

@@ -40,6 +40,16 @@ def _switch(default: str, help: str) -> Any:
     return _setting(default, f"{help}: on or off", choices=("on", "off"))
 
 
+def _memory() -> int:
+    """Half of what this machine, or the container we are in, has."""
+    installed = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    try:
+        allowed = Path("/sys/fs/cgroup/memory.max").read_text().strip()
+    except OSError:
+        allowed = "max"
+    return (min(installed, int(allowed)) if allowed.isdigit() else installed) // 2
+
+
 def _workers() -> int:
     """One process per four processors: the kernels of one request already use several."""
     return max(1, (os.cpu_count() or 1) // 4)
@@ -72,6 +82,9 @@ class Settings:
     max_side: int = _setting(65536, "longest side of an image in pixels", 1, None, limit="image_side")
     max_channels: int = _setting(64, "most channels of an image", 1, None, limit="image_channels")
     max_decoded: int = _setting(1 << 31, "most bytes of one image once decoded", 1, None, limit="image_bytes")
+    memory: int = _setting(
+        _memory(), "bytes that all images may take together, shared evenly by the processes", 1 << 20, None
+    )
     max_images: int = _setting(16, "most images in one request", 1, 1024, limit="images")
 
     data: str = _setting("", "folder for keys, assets and jobs; empty: this user's data folder")

@@ -14,6 +14,8 @@ Rules
 - The pool thread touches the socket only in WORK; the loop then reads ahead a little but does not close it, since a
   closed descriptor's number may already belong to another client.
 - Bytes read beyond a request stay in `buffer` and are the beginning of the next one.
+- A client that closes its side while its request is computed has hung up: the work is told, and ends before its next
+  step. Only one that has sent more, or said that this request is its last, may close its side and still be answered.
 - A connection whose framing is in doubt is never used again. It is closed for writing first and read on for a moment:
   an immediate close would reset it and could destroy the answer on its way.
 """
@@ -24,14 +26,14 @@ import socket
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from enum import Enum, auto
 from functools import partial
 from typing import TYPE_CHECKING
 
 from lichen_service.http.chunked import ChunkedBody
 from lichen_service.http.exchange import Exchange, FixedBody
 from lichen_service.http.finish import choose_request_id
-from lichen_service.http.message import Admission, Head, Request, Response
+from lichen_service.http.message import CLIENT_GONE, Admission, Head, Request, Response
+from lichen_service.http.phase import Phase
 from lichen_service.http.policy import METHODS, HeadScanner, RawHead, Refusal, read_head
 from lichen_service.http.reactor import READ, WRITE
 
@@ -39,17 +41,6 @@ if TYPE_CHECKING:
     from lichen_service.http.loop import Loop
 
 _CONTINUE = b"HTTP/1.1 100 Continue\r\n\r\n"
-
-
-class Phase(Enum):
-    IDLE = auto()
-    HEAD = auto()
-    BODY = auto()
-    WORK = auto()
-    WRITE = auto()
-    DISCARD = auto()
-    LINGER = auto()
-    CLOSED = auto()
 
 
 class Connection:
@@ -119,7 +110,7 @@ class Connection:
             self._watch()
             return
         if self.phase in (Phase.BODY, Phase.WRITE):
-            self._exchange.status = 499
+            self._exchange.status = CLIENT_GONE
             self._loop.log.answered(self._exchange.record())
         self.close()
 
@@ -273,7 +264,8 @@ class Connection:
         assert isinstance(exchange.head, Head)
         assert exchange.body is not None
         exchange.queued = time.monotonic()
-        head = replace(exchange.head, deadline=exchange.queued + self._loop.settings.request_timeout)
+        alive = partial(self._waits, exchange.keep_alive)
+        head = replace(exchange.head, deadline=exchange.queued + exchange.head.allowed, alive=alive)
         request = Request(head, exchange.body.body, exchange.caller)
         if not self._loop.submit(partial(self._work, request)):
             self._respond(self._loop.busy(head.request_id))
@@ -309,16 +301,20 @@ class Connection:
         exchange = self._exchange
         exchange.work_started = exchange.work_ended = time.monotonic()
         try:
-            response = None if self._gone else self._loop.handle(request)
+            response = self._loop.handle(request) if request.head.alive() else None
             exchange.work_ended = time.monotonic()
             self._loop.worked()
-            if response is not None:
+            if response is not None and request.head.alive():
                 self._encode(response)
                 exchange.send(self._socket)
         except OSError:
             self._gone = True
         finally:
             self._loop.reactor.post(partial(self._guard, self._answered))
+
+    def _waits(self, keep_alive: bool) -> bool:
+        """Whether the client still waits for the request being computed; asked from pool threads."""
+        return not self._gone and not (self._ended and keep_alive and not self._buffer)
 
     def _answered(self) -> None:
         self._release_body()

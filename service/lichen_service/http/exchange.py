@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import mmap
+import re
 import socket
 import time
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from lichen_service.http.message import Body, Head, Response
 from lichen_service.http.policy import RawHead, Refusal
 from lichen_service.http.target import BadTarget, split_target
 
+_MILLISECONDS = re.compile(r"[1-9][0-9]{0,8}")
 _OWN_PAGES = 256 * 1024
 
 
@@ -82,7 +84,7 @@ class Exchange:
 
     @classmethod
     def opened(cls, opening: RawHead, peer: str, request_timeout: float) -> Exchange:
-        """The exchange that a sound head begins; its `head` is a refusal where the target does not decode."""
+        """The exchange that a sound head begins; its `head` is a refusal where target or time do not decode."""
         fields: dict[str, str] = {}
         for name, value in opening.fields:
             joint = "; " if name == "cookie" else ", "
@@ -94,8 +96,16 @@ class Exchange:
         except BadTarget as bad:
             exchange.head = Refusal(400, "malformed-target", str(bad))
             return exchange
+        allowed = request_timeout
+        if (asked := fields.get("request-timeout")) is not None:
+            if not _MILLISECONDS.fullmatch(asked):
+                exchange.head = Refusal(
+                    400, "malformed-timeout", "Request-Timeout is not a positive whole number of milliseconds"
+                )
+                return exchange
+            allowed = min(allowed, int(asked) / 1000)
         now = exchange.started
-        head = Head(opening.method, path, query, fields, request_id, now, now + request_timeout, peer)
+        head = Head(opening.method, path, query, fields, request_id, now, now + allowed, peer, allowed)
         exchange.head = head
         exchange.waits_for_continue = opening.expects_continue and head.length != 0
         return exchange

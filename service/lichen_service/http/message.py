@@ -6,11 +6,23 @@ so routes are tested without a socket and the wire without an image.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+CLIENT_GONE = 499
+"""The status, for the log alone, of a request whose client has hung up."""
+
 Body = bytes | bytearray | memoryview
+
+
+def _always() -> bool:
+    return True
+
+
+def _nobody(_stage: str) -> None:
+    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +42,12 @@ class Head:
     deadline: float
     """`time.monotonic()` by which the answer must be ready"""
     peer: str = ""
+    allowed: float = math.inf
+    """seconds from the moment the whole request is here until `deadline`"""
+    alive: Callable[[], bool] = _always
+    """whether anybody still waits for the answer; from any thread"""
+    began: Callable[[str], None] = _nobody
+    """is told the name of each stage of the work as it begins"""
 
     @property
     def length(self) -> int | None:

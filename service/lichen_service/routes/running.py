@@ -29,6 +29,7 @@ from lichen_service import mixed, queries, uploads
 from lichen_service.documents import canonical, content_digest, matches, momentary
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
 from lichen_service.http.message import Body, Request, Response
+from lichen_service.memory import reserve, to_decode, to_run
 from lichen_service.negotiation import prefers
 from lichen_service.queries import Query
 from lichen_service.refusals import relocated
@@ -40,6 +41,8 @@ from lichen_service.uploads import Upload
 
 Uploads = Mapping[str, Upload]
 JSON = "application/json"
+FORESEEN = 1 << 16
+"""Samples of the inputs from which a run is predicted first, so that one which takes too long does not begin."""
 
 
 class Running:
@@ -64,6 +67,7 @@ class Running:
             images = self._decode(given)
         with relocated():
             facts = _expected(operation, query, images)
+            reserve(to_run(facts))
             accept, origin = request.head.headers.get("accept"), _origin(operation, given, images)
             shape = _shape(operation, query, accept)
             if shape is not Shape.PICTURE:
@@ -84,14 +88,16 @@ class Running:
     ) -> Response:
         head, options = request.head, query.options
         first, arguments = _arguments(operation, query, images, delivery)
-        if options.explain or ("if-none-match" in head.headers and not options.verify):
+        asks_for_news = "if-none-match" in head.headers and not options.verify
+        large = not images or sum(image.pixels.size for image in images.values()) >= FORESEEN
+        if options.explain or asks_for_news or large:
             with stages.stage("plan"):
                 plan = engine.explain(operation.name, first, **arguments)
             if options.explain:
                 return _plan_document(plan.to_json(), delivery, stages)
-            tag = _entity_tag(digests.result(), plan.digest, delivery, shape)
-            if matches(head, tag):
+            if asks_for_news and matches(head, tag := _entity_tag(digests.result(), plan.digest, delivery, shape)):
                 return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
+            stages.afford(plan.seconds)
         with stages.stage("run"):
             result = engine.run(operation.name, first, **arguments)
         stages.split("run", result.timing)
@@ -144,6 +150,9 @@ class Running:
         failed: dict[str, LichenError] = {}
         for name, upload in given.items():
             try:
+                header = probe(upload.data)
+                header.check(self._limits)
+                reserve(to_decode(header))
                 images[name] = decode(upload.data, limits=self._limits, media_type=upload.media_type)
             except LichenError as error:
                 failed[name] = error

@@ -150,7 +150,7 @@ def test_idle_connections_close_silently(serve: Serve) -> None:
 
 def test_a_half_closed_client_still_gets_its_answers(server: Running) -> None:
     with server.connect() as client:
-        client.send(get("/a") + post("/echo", b"b"))
+        client.send(get("/a") + post("/echo", b"b", "Connection: close"))
         client.socket.shutdown(socket.SHUT_WR)
         assert [client.reply().status for _ in range(2)] == [200, 200]
         assert client.rest() == b""
@@ -161,6 +161,33 @@ def test_a_small_unread_body_is_dropped_and_the_connection_kept(server: Running)
         client.send(post("/refused", b"x" * 100_000) + get())
         assert client.reply().status == 404
         assert client.reply().status == 200
+
+
+def test_work_is_told_when_its_client_hangs_up(serve: Serve) -> None:
+    running = serve(threads=1)
+    with running.connect() as client:
+        client.send(get("/wait"))
+        assert running.toy.waiting.acquire(timeout=PATIENCE)
+        (head,) = running.toy.heads
+        assert head.alive()
+    until(lambda: not head.alive())
+    running.toy.gate.set()
+    until(lambda: running.loop.connections == 0)
+    until(lambda: bool(running.lines()))
+    assert [line["status"] for line in running.lines()] == [499]
+
+
+def test_a_client_may_ask_for_less_time_and_not_for_more(serve: Serve) -> None:
+    running = serve(request_timeout=30.0)
+    for field, allowed in (("Request-Timeout: 1500", 1.5), ("Request-Timeout: 999999", 30.0), ("X-Other: 1", 30.0)):
+        assert running.ask(get("/a", field)).status == 200
+        head = running.toy.heads[-1]
+        assert head.allowed == allowed
+        assert head.deadline - head.received >= allowed
+    for field in ("0", "-5", "1.5", "1e3", "", "soon", "1234567890"):
+        assert running.ask(get("/a", f"Request-Timeout: {field}")).status == 400
+    assert running.ask(get("/a", "Request-Timeout: 5", "Request-Timeout: 9")).status == 400
+    assert len(running.toy.heads) == 3
 
 
 # Admission
