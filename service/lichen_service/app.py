@@ -23,6 +23,7 @@ from lichen_service import logs
 from lichen_service.access import signing
 from lichen_service.access.cors import Cors
 from lichen_service.access.guard import Caller, Guard
+from lichen_service.assets import Assets
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.descriptions import path_of
 from lichen_service.documents import canonical
@@ -32,6 +33,8 @@ from lichen_service.memory import Memory
 from lichen_service.readiness import Readiness, example
 from lichen_service.refusals import Refusal, internal, refusal_of
 from lichen_service.routes.accuracy import Accuracy
+from lichen_service.routes.assets import PATH as ASSETS
+from lichen_service.routes.assets import AssetRoutes
 from lichen_service.routes.catalogue import Catalogue
 from lichen_service.routes.running import Running
 from lichen_service.routes.system import System
@@ -57,14 +60,17 @@ class Service:
         self.readiness = Readiness(self._canary)
         self.traffic = Traffic()
         self.calibrating = Calibrating(self.readiness, self.traffic)
-        self._running = Running(settings)
+        self.assets = Assets(settings.data_folder / "assets", settings.asset_store)
+        self._running = Running(settings, self.assets)
         self._described = described = Catalogue(settings)
         system, accuracy = System(settings, self.readiness), Accuracy()
-        run = self._running.run
+        run, stored = self._running.run, AssetRoutes(self.assets)
         self.routes = (
             Route("/", {"GET": system.index}),
             Route("/v1/operations", {"GET": described.list}),
-            Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, "run"),
+            Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, scope="run"),
+            Route(ASSETS, {"PUT": stored.put}, True, readable(), "assets"),
+            Route(f"{ASSETS}/{{name}}", {"GET": stored.get, "DELETE": stored.delete}, scope="assets"),
             Route("/v1/accuracy", {"GET": accuracy.list}),
             Route("/v1/accuracy/{name}", {"GET": accuracy.one}),
             Route("/v1/limits", {"GET": system.limits}),
@@ -81,7 +87,7 @@ class Service:
 
     def handle(self, request: Request) -> Response:
         """The answer to a whole request. Every error becomes a problem document."""
-        with self.traffic.request(), self.memory.request():
+        with self.traffic.request(), self.memory.request(), self.assets.request():
             response = _answer(request.head, lambda: self._handle(request))
         assert isinstance(response, Response)
         caller = request.caller
@@ -95,11 +101,11 @@ class Service:
         if (preflight := self._preflight(head)) is not None:
             return preflight
         match, caller = self._let_in(head)
-        if match.name and match.route.bodies:
+        if match.name and match.route.bodies:  # an operation's
             catalogue.operation(match.name)
         if match.route.template == "/livez" and not head.length:
             return self._handle(Request(head, b""))
-        if not (match.route.bodies and head.method in ("POST", "QUERY")):
+        if not (match.route.bodies and head.method in ("POST", "PUT", "QUERY")):
             return Admission(SMALL_BODY, caller)
         if head.length is not None and head.length > self._settings.max_body:
             raise Refusal(
@@ -110,7 +116,10 @@ class Service:
                 limit=self._settings.max_body,
                 actual=head.length,
             )
-        check_type(head, readable())
+        if match.route.reads is None:
+            check_type(head, readable())
+        else:
+            check_type(head, match.route.reads, forms=False)
         return Admission(self._settings.max_body, caller)
 
     def _preflight(self, head: Head) -> Response | None:
@@ -141,10 +150,11 @@ class Service:
         return handler(request, match.name)
 
     def _get(self, request: Request, name: str) -> Response:
-        """The declaration of an operation, or a run of one that needs no image where the query asks for something."""
-        needs = any(each.required for each in catalogue.operation(name).inputs)
-        answer = self._described.describe if needs or not request.head.query else self._running.run
-        return answer(request, name)
+        """The declaration of an operation, or a run of one whose images the query names, or that needs none."""
+        named = {each for each, _ in request.head.query}
+        inputs = catalogue.operation(name).inputs
+        runs = named and (not any(each.required for each in inputs) or any(each.name in named for each in inputs))
+        return (self._running.run if runs else self._described.describe)(request, name)
 
     def _options(self, head: Head) -> Response:
         match = find(self.routes, head)

@@ -12,8 +12,9 @@ from typing import Any
 
 import lichen
 from lichen.files import FORMATS
-from lichen.operation import Knob, Operation
+from lichen.operation import Input, Knob, Operation
 from lichen_service.descriptions import accuracy_path_of, inlined, options_schema, path_of
+from lichen_service.openapi_storage import asset_paths
 from lichen_service.routes.accuracy import FORMS as ACCURACY_FORMS
 from lichen_service.routes.accuracy import View
 from lichen_service.uploads import FORM
@@ -46,6 +47,7 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
         },
         "paths": {
             **_fixed_paths(),
+            **asset_paths(),
             accuracy_path_of("{name}"): _accuracy_path(operations),
             **{path_of(name): _path(each) for name, each in operations.items()},
         },
@@ -115,10 +117,13 @@ def _path(operation: Operation[Any]) -> dict[str, Any]:
         "tags": [operation.family],
         "responses": {"200": _json_response("parameters, inputs, methods, limits"), "default": _reference("Problem")},
     }
-    if not any(each.required for each in operation.inputs):
-        described["summary"] += "; with a query, a run of it"
-        described["parameters"] = _parameters(operation)
-        described["responses"] = {"200": _reference("Image"), "default": _reference("Problem")}
+    described["summary"] += "; with a query that names all images it needs, a run of it"
+    described["parameters"] = [{**each, "required": False} for each in _parameters(operation)]
+    described["responses"] = {
+        "200": _reference("Image"),
+        "304": _reference("Unchanged"),
+        "default": _reference("Problem"),
+    }
     return {
         "get": described,
         "post": {
@@ -144,7 +149,14 @@ def _parameters(operation: Operation[Any]) -> list[dict[str, Any]]:
             option["schema"] = {"type": "string", "enum": list(operation.methods)}
         elif option["name"] == "format":
             option["schema"] = {"type": "string", "enum": list(FORMATS)}
-    return [*declared, *knobs, *options]
+    return [*declared, *knobs, *options, *(_asset(each) for each in operation.inputs)]
+
+
+def _asset(declared: Input) -> dict[str, Any]:
+    """An input by the name of a stored image, instead of one in the body."""
+    schema = {"type": "string", "pattern": "^sha256:[0-9a-f]{64}$"}
+    said = f"{declared.description} (a stored image instead of one that is sent)"
+    return {"name": declared.name, "in": "query", "required": False, "description": said, "schema": schema}
 
 
 def _parameter(name: str, schema: Mapping[str, Any], required: bool) -> dict[str, Any]:

@@ -89,6 +89,7 @@ class Settings:
 
     data: str = _setting("", "folder for keys, assets and jobs; empty: this user's data folder")
     keys: str = _setting("", "file of keys (lichen keys); empty: keys.json in the data folder, if there is one")
+    asset_store: int = _setting(4 << 30, "bytes of all assets on disk; those unused longest give way", 1, None)
     insecure: str = _switch("off", "whether everybody may ask, also from other machines, without a key")
     trusted_proxies: str = _setting(
         "", "addresses and networks, with commas, whose X-Forwarded-For is believed; 'unix' is the socket"

@@ -1,6 +1,7 @@
 """POST, QUERY and GET on an operation: images in, its result out, with an account of how it was made.
 
-GET runs operations that need no image, where the query asks for something; otherwise it describes the operation. An
+GET runs an operation where the query names all images it needs among the stored ones, or it needs none and the query
+asks for something; otherwise it describes the operation. An
 operation that reports findings gives them as JSON where `Accept` prefers that, and beside the picture in a form of
 several parts.
 
@@ -26,6 +27,7 @@ from lichen.image import Image
 from lichen.operation import Facts, Operation
 from lichen.order import read_order
 from lichen_service import mixed, queries, uploads
+from lichen_service.assets import Assets
 from lichen_service.documents import canonical, content_digest, matches, momentary
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
 from lichen_service.http.message import Body, Request, Response
@@ -34,6 +36,7 @@ from lichen_service.negotiation import prefers
 from lichen_service.queries import Query
 from lichen_service.refusals import relocated
 from lichen_service.reports import report
+from lichen_service.routes.assets import resolve
 from lichen_service.routes.system import versions
 from lichen_service.settings import Settings
 from lichen_service.stages import Stages
@@ -46,8 +49,9 @@ FORESEEN = 1 << 16
 
 
 class Running:
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, assets: Assets) -> None:
         self._settings = settings
+        self._assets = assets
         self._limits = Limits(
             pixels=settings.max_pixels,
             side=settings.max_side,
@@ -126,10 +130,14 @@ class Running:
         names = [each.name for each in operation.inputs]
         given, wrong = uploads.read(request.head, request.body, names, readable(), self._settings.max_images)
         flaws += wrong
+        stored, missing = resolve(self._assets, query.assets)
+        flaws += missing
+        flaws += [Flaw(f"/inputs/{each}", "is given more than once") for each in stored if each in given]
+        given |= stored
         flaws += [
             Flaw(f"/inputs/{each.name}", "is required and was not sent")
             for each in operation.inputs
-            if each.required and each.name not in given
+            if each.required and each.name not in given and each.name not in query.assets
         ]
         if flaws:
             flaws += [flaw for name, upload in given.items() for flaw in self._flaws_of_header(name, upload)]
