@@ -8,11 +8,11 @@ taken in. `/livez` is answered right there, so it answers when every other threa
 from __future__ import annotations
 
 import os
+import sqlite3
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import structlog
 
@@ -26,9 +26,10 @@ from lichen_service.access.guard import Caller, Guard
 from lichen_service.assets import Assets
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.descriptions import path_of
-from lichen_service.documents import canonical
+from lichen_service.documents import as_query
 from lichen_service.formats import readable
 from lichen_service.http.message import Admission, Head, Request, Response
+from lichen_service.jobs.service import Jobs
 from lichen_service.memory import Memory
 from lichen_service.readiness import Readiness, example
 from lichen_service.refusals import Refusal, internal, refusal_of
@@ -36,6 +37,7 @@ from lichen_service.routes.accuracy import Accuracy
 from lichen_service.routes.assets import PATH as ASSETS
 from lichen_service.routes.assets import AssetRoutes
 from lichen_service.routes.catalogue import Catalogue
+from lichen_service.routes.jobs import wants_a_job
 from lichen_service.routes.running import Running
 from lichen_service.routes.system import System
 from lichen_service.routing import Match, Route, find
@@ -64,12 +66,14 @@ class Service:
         self._running = Running(settings, self.assets)
         self._described = described = Catalogue(settings)
         system, accuracy = System(settings, self.readiness), Accuracy()
-        run, stored = self._running.run, AssetRoutes(self.assets)
+        run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
+        self.jobs = _jobs(settings, self.assets, self.handle, check)
         self.routes = (
+            *(self.jobs.table if self.jobs else ()),
             Route("/", {"GET": system.index}),
             Route("/v1/operations", {"GET": described.list}),
-            Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, scope="run"),
-            Route(ASSETS, {"PUT": stored.put}, True, readable(), "assets"),
+            Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, None, check, "run"),
+            Route(ASSETS, {"PUT": stored.put}, True, readable(), scope="assets"),
             Route(f"{ASSETS}/{{name}}", {"GET": stored.get, "DELETE": stored.delete}, scope="assets"),
             Route("/v1/accuracy", {"GET": accuracy.list}),
             Route("/v1/accuracy/{name}", {"GET": accuracy.one}),
@@ -122,6 +126,11 @@ class Service:
             check_type(head, match.route.reads, forms=False)
         return Admission(self._settings.max_body, caller)
 
+    def drain(self) -> None:
+        """The service ends: begin no job any more."""
+        if self.jobs:
+            self.jobs.runner.stop()
+
     def _preflight(self, head: Head) -> Response | None:
         if head.method != "OPTIONS" or not self._cors.origins:
             return None
@@ -147,6 +156,10 @@ class Service:
         match = find(self.routes, head)
         handler = match.route.handler(head.method)
         assert handler is not None, "find refuses methods without a handler"
+        if self.jobs and match.route.scope == "run" and wants_a_job(request):
+            if match.route.check is not None:
+                match.route.check(request, match.name)
+            return self.jobs.routes.accept(request)
         return handler(request, match.name)
 
     def _get(self, request: Request, name: str) -> Response:
@@ -172,6 +185,22 @@ class Service:
         response = self._handle(Request(head, body))
         if response.status != 200 or not response.body:
             raise RuntimeError(f"the canary was answered with {response.status}")
+
+
+def _jobs(
+    settings: Settings,
+    assets: Assets,
+    handle: Callable[[Request], Response],
+    check: Callable[[Request, str], None],
+) -> Jobs | None:
+    """Jobs where they are wanted and can be kept; a service whose disk cannot be written still computes."""
+    if settings.jobs == "off":
+        return None
+    try:
+        return Jobs(settings, assets, handle, check)
+    except (OSError, sqlite3.Error) as failure:
+        log.error("jobs cannot be kept and are not offered", folder=str(settings.data_folder), reason=str(failure))
+        return None
 
 
 def _answer(head: Head, work: Callable[[], Admission | Response]) -> Admission | Response:
@@ -202,13 +231,6 @@ def _smallest_request() -> tuple[bytes, str, tuple[tuple[str, str], ...]]:
     raise RuntimeError("no operation of the catalogue offers an example with one image")
 
 
-def as_query(parameters: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    """Parameters as a URL gives them: text plain, everything else as JSON."""
-    return tuple(
-        (name, value if isinstance(value, str) else canonical(value).decode()) for name, value in parameters.items()
-    )
-
-
 def create_application() -> Service:
     """The service with the settings of the environment; its warm-up has begun and goes on in the background, and so
     does, after it, the calibration of a machine that has none."""
@@ -217,6 +239,9 @@ def create_application() -> Service:
     shared = os.environ.get(SHARED)
     service = Service(settings, Path(shared) if shared else None)
     service.readiness.start()
+    service.assets.clean()
+    if service.jobs:
+        service.jobs.runner.start()
     if settings.calibrate == "on":
         service.calibrating.start()
     return service

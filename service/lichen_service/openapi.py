@@ -14,7 +14,7 @@ import lichen
 from lichen.files import FORMATS
 from lichen.operation import Input, Knob, Operation
 from lichen_service.descriptions import accuracy_path_of, inlined, options_schema, path_of
-from lichen_service.openapi_storage import asset_paths
+from lichen_service.openapi_storage import asset_paths, job_paths
 from lichen_service.routes.accuracy import FORMS as ACCURACY_FORMS
 from lichen_service.routes.accuracy import View
 from lichen_service.uploads import FORM
@@ -48,6 +48,7 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
         "paths": {
             **_fixed_paths(),
             **asset_paths(),
+            **job_paths(),
             accuracy_path_of("{name}"): _accuracy_path(operations),
             **{path_of(name): _path(each) for name, each in operations.items()},
         },

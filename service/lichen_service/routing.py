@@ -29,6 +29,8 @@ class Route:
     """whether any of its methods reads a body"""
     reads: Collection[str] | None = None
     """media types of those bodies; None: images and forms of them"""
+    check: Callable[[Request, str], object] | None = None
+    """raises what is wrong with a request that is to become a job"""
     scope: str | None = ""
     """what a key must be for; empty: any key will do; None: no key is needed"""
     pattern: re.Pattern[str] = field(init=False)

@@ -90,6 +90,13 @@ class Settings:
     data: str = _setting("", "folder for keys, assets and jobs; empty: this user's data folder")
     keys: str = _setting("", "file of keys (lichen keys); empty: keys.json in the data folder, if there is one")
     asset_store: int = _setting(4 << 30, "bytes of all assets on disk; those unused longest give way", 1, None)
+    jobs: str = _switch("on", "whether work may be asked for that is done in the background")
+    job_threads: int = _setting(1, "jobs one process computes at a time", 1, 64)
+    job_timeout: float = _setting(3600.0, "seconds a job may take", 0.1, 1e6, limit="job_seconds")
+    job_ttl: float = _setting(86400.0, "seconds an ended job and its result are kept", 1, 1e8, limit="job_kept_seconds")
+    max_jobs: int = _setting(1000, "jobs that may wait or run at a time", 1, 10**6, limit="jobs")
+    max_jobs_each: int = _setting(100, "jobs of one key that may wait or run at a time", 1, 10**6, limit="jobs_each")
+    job_store: int = _setting(8 << 30, "bytes of all jobs on disk; more are refused", 1, None)
     insecure: str = _switch("off", "whether everybody may ask, also from other machines, without a key")
     trusted_proxies: str = _setting(
         "", "addresses and networks, with commas, whose X-Forwarded-For is believed; 'unix' is the socket"

@@ -11,7 +11,8 @@ from openapi_spec_validator import OpenAPIV31SpecValidator
 
 import lichen
 from lichen.files import FORMATS, encode
-from lichen_service.app import Service, as_query
+from lichen_service.app import Service
+from lichen_service.documents import as_query
 from lichen_service.queries import RESERVED
 from lichen_service.readiness import Readiness, example
 from lichen_service.settings import Settings

@@ -36,6 +36,7 @@ from lichen_service.http.message import CLIENT_GONE, Admission, Head, Request, R
 from lichen_service.http.phase import Phase
 from lichen_service.http.policy import METHODS, HeadScanner, RawHead, Refusal, read_head
 from lichen_service.http.reactor import READ, WRITE
+from lichen_service.http.streaming import Streaming
 
 if TYPE_CHECKING:
     from lichen_service.http.loop import Loop
@@ -75,14 +76,17 @@ class Connection:
     def close(self) -> None:
         if self.phase is Phase.CLOSED:
             return
-        self.phase = Phase.CLOSED
-        self._loop.reactor.watch(self._socket, 0, self.ready)
-        self._deadline.forget()
+        self._let_go()
         self._release_body()
         self._buffer = bytearray()
         self._exchange.out.clear()
         self._socket.close()
         self._loop.closed(self)
+
+    def _let_go(self) -> None:
+        self.phase = Phase.CLOSED
+        self._loop.reactor.watch(self._socket, 0, self.ready)
+        self._deadline.forget()
 
     def _guard(self, call: Callable[[], None]) -> None:
         """Nothing that happens to one connection may reach another."""
@@ -313,7 +317,7 @@ class Connection:
             self._loop.reactor.post(partial(self._guard, self._answered))
 
     def _waits(self, keep_alive: bool) -> bool:
-        """Whether the client still waits for the request being computed; asked from pool threads."""
+        """Whether the client still waits for the request being computed; from any thread."""
         return not self._gone and not (self._ended and keep_alive and not self._buffer)
 
     def _answered(self) -> None:
@@ -349,6 +353,10 @@ class Connection:
 
     def _finish(self) -> None:
         """The answer has left."""
+        if (stream := self._exchange.stream) is not None and not self._ended:
+            self._let_go()
+            self._loop.go_on(self, Streaming(self._loop, self._socket, self._exchange, stream))
+            return
         self._loop.log.answered(self._exchange.record())
         if not self._exchange.keep_alive:
             self._linger()
@@ -373,8 +381,7 @@ class Connection:
     def _slowest(self, start: float, count: int) -> float:
         """Until when a peer may stand still that has moved `count` bytes since `start`.
 
-        A head start buys no longer silence, since the system's own buffers take megabytes at once for a peer that then
-        stops.
+        A head start buys no longer silence: the system's own buffers take megabytes at once for a peer that then stops.
         """
         return self._loop.bounds.patience + min(start + count / self._loop.settings.body_rate, time.monotonic())
 

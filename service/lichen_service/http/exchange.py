@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from lichen_service.http.access_log import shown_query
 from lichen_service.http.chunked import ChunkedBody
 from lichen_service.http.finish import choose_request_id, finish
-from lichen_service.http.message import Body, Head, Response
+from lichen_service.http.message import Body, Head, Response, Stream
 from lichen_service.http.policy import RawHead, Refusal
 from lichen_service.http.target import BadTarget, split_target
 
@@ -78,6 +78,7 @@ class Exchange:
     work_ended: float = 0.0
     status: int = 0
     out: list[memoryview] = field(default_factory=list)
+    stream: Stream | None = None
     write_started: float = 0.0
     sent: int = 0
     fields: dict[str, object] = field(default_factory=dict)
@@ -112,6 +113,9 @@ class Exchange:
 
     def answer(self, response: Response) -> None:
         """Make the answer ready to send; raises `BadResponse` where it must not leave."""
+        if response.stream is not None:
+            self.keep_alive = False
+            self.stream = None if self.method == "HEAD" else response.stream
         wire = finish(response, request_id=self.request_id, method=self.method, keep_alive=self.keep_alive)
         self.out = [_flat(part) for part in (wire.head, wire.body) if memoryview(part).nbytes]
         self.status = response.status

@@ -65,6 +65,16 @@ class Request:
     """what the routes' admission said of who asks; the wire only hands it on"""
 
 
+class Stream(Protocol):
+    """A source of bytes that come when they come."""
+
+    def open(self, send: Callable[[bytes], None], end: Callable[[], None]) -> None:
+        """Called once when the head has left; both may be called from any thread, also during this call."""
+
+    def close(self) -> None:
+        """The client has gone, or the stream has ended; nothing that is sent now will arrive."""
+
+
 @dataclass(slots=True)
 class Response:
     status: int
@@ -72,6 +82,8 @@ class Response:
     headers: dict[str, str] = field(default_factory=dict)
     log: dict[str, object] = field(default_factory=dict)
     """fields for the access log that only the route knows: operation, pixels, method, device, queue and work time"""
+    stream: Stream | None = None
+    """what goes on after the head, instead of a body, until it ends with the connection"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,6 +79,10 @@ class Running:
             delivery = agree(query.options, accept, facts, origin)
             return self._answer(request, operation, query, images, delivery, shape, digests, stages)
 
+    def check(self, request: Request, name: str) -> None:
+        """Raises all that can be seen to be wrong with a run before anything is decoded."""
+        self._read(catalogue.operation(name), request)
+
     def _answer(
         self,
         request: Request,
