@@ -25,6 +25,7 @@ from lichen_service.access.cors import Cors
 from lichen_service.access.guard import Caller, Guard
 from lichen_service.assets import Assets
 from lichen_service.calibrating import Calibrating, Traffic
+from lichen_service.decoding.pool import Decoders
 from lichen_service.descriptions import path_of
 from lichen_service.documents import as_query
 from lichen_service.formats import readable
@@ -63,7 +64,8 @@ class Service:
         self.traffic = Traffic()
         self.calibrating = Calibrating(self.readiness, self.traffic)
         self.assets = Assets(settings.data_folder / "assets", settings.asset_store)
-        self._running = Running(settings, self.assets)
+        self.decoders = Decoders(settings.decoders, settings.decoder_memory, settings.decoder_seconds)
+        self._running = Running(settings, self.assets, self.decoders)
         self._described = described = Catalogue(settings)
         system, accuracy = System(settings, self.readiness), Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
@@ -240,6 +242,7 @@ def create_application() -> Service:
     service = Service(settings, Path(shared) if shared else None)
     service.readiness.start()
     service.assets.clean()
+    service.decoders.start()
     if service.jobs:
         service.jobs.runner.start()
     if settings.calibrate == "on":

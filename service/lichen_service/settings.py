@@ -87,6 +87,10 @@ class Settings:
     )
     max_images: int = _setting(16, "most images in one request", 1, 1024, limit="images")
 
+    decoders: int = _setting(2, "processes, for each that answers, in which images are decoded; 0: none", 0, 64)
+    decoder_memory: int = _setting(4 << 30, "bytes one of them may take", 1 << 20, None)
+    decoder_seconds: float = _setting(30.0, "seconds one image may take to decode", 0.1, 3600, limit="decode_seconds")
+
     data: str = _setting("", "folder for keys, assets and jobs; empty: this user's data folder")
     keys: str = _setting("", "file of keys (lichen keys); empty: keys.json in the data folder, if there is one")
     asset_store: int = _setting(4 << 30, "bytes of all assets on disk; those unused longest give way", 1, None)

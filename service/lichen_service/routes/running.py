@@ -22,12 +22,13 @@ from typing import Any
 from lichen import catalogue, engine
 from lichen.engine import Result
 from lichen.errors import Flaw, InvalidRequest, LichenError
-from lichen.files import Encoded, Limits, decode, encode, probe
+from lichen.files import Encoded, Limits, encode, probe
 from lichen.image import Image
 from lichen.operation import Facts, Operation
 from lichen.order import read_order
 from lichen_service import mixed, queries, uploads
 from lichen_service.assets import Assets
+from lichen_service.decoding.pool import Decoders
 from lichen_service.documents import canonical, content_digest, matches, momentary
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
 from lichen_service.http.message import Body, Request, Response
@@ -49,8 +50,9 @@ FORESEEN = 1 << 16
 
 
 class Running:
-    def __init__(self, settings: Settings, assets: Assets) -> None:
+    def __init__(self, settings: Settings, assets: Assets, decoders: Decoders) -> None:
         self._settings = settings
+        self._decoders = decoders
         self._assets = assets
         self._limits = Limits(
             pixels=settings.max_pixels,
@@ -165,7 +167,7 @@ class Running:
                 header = probe(upload.data)
                 header.check(self._limits)
                 reserve(to_decode(header))
-                images[name] = decode(upload.data, limits=self._limits, media_type=upload.media_type)
+                images[name] = self._decoders.decode(upload.data, limits=self._limits, media_type=upload.media_type)
             except LichenError as error:
                 failed[name] = error
         if failed:
