@@ -10,9 +10,10 @@ from __future__ import annotations
 import os
 import sqlite3
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import structlog
 
@@ -32,12 +33,14 @@ from lichen_service.formats import readable
 from lichen_service.http.message import Admission, Head, Request, Response
 from lichen_service.jobs.service import Jobs
 from lichen_service.memory import Memory
+from lichen_service.metrics import Metrics
 from lichen_service.readiness import Readiness, example
 from lichen_service.refusals import Refusal, internal, refusal_of
 from lichen_service.routes.accuracy import Accuracy
 from lichen_service.routes.assets import PATH as ASSETS
 from lichen_service.routes.assets import AssetRoutes
 from lichen_service.routes.catalogue import Catalogue
+from lichen_service.routes.figures import Figures
 from lichen_service.routes.jobs import wants_a_job
 from lichen_service.routes.running import Running
 from lichen_service.routes.system import System
@@ -70,7 +73,8 @@ class Service:
         system, accuracy = System(settings, self.readiness), Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
         self.jobs = _jobs(settings, self.assets, self.handle, check)
-        self.routes = (
+        self.metrics = Metrics(catalogue.operations())
+        self.routes: tuple[Route, ...] = (
             *(self.jobs.table if self.jobs else ()),
             Route("/", {"GET": system.index}),
             Route("/v1/operations", {"GET": described.list}),
@@ -82,26 +86,37 @@ class Service:
             Route("/v1/limits", {"GET": system.limits}),
             Route("/v1/version", {"GET": system.version}),
             Route("/openapi.json", {"GET": system.openapi}),
+            Route("/metrics", {"GET": Figures(self.metrics).text}, scope="metrics"),
             Route("/livez", {"GET": system.alive}, scope=None),
             Route("/readyz", {"GET": system.ready}, scope=None),
         )
+        self._measure()
 
     def admit(self, head: Head) -> Admission | Response:
         """The word that the body may be read, or the answer without it."""
         answer = _answer(head, lambda: self._admit(head))
-        return self._cors.add(head, answer) if isinstance(answer, Response) else answer
+        return self._outgoing(head, answer, None) if isinstance(answer, Response) else answer
 
     def handle(self, request: Request) -> Response:
         """The answer to a whole request. Every error becomes a problem document."""
         with self.traffic.request(), self.memory.request(), self.assets.request():
             response = _answer(request.head, lambda: self._handle(request))
         assert isinstance(response, Response)
-        caller = request.caller
+        return self._outgoing(request.head, response, request.caller)
+
+    def answered(self, line: Mapping[str, Any]) -> None:
+        """Hears of every answer that has left, as the access log has it."""
+        self.metrics.answered(line)
+
+    def _outgoing(self, head: Head, response: Response, caller: Any) -> Response:
+        """The response with what does not depend on its route, and what the log shall know."""
+        route = next((each.template for each in self.routes if each.pattern.fullmatch(head.path)), None)
+        response.log |= {"route": route} if route else {}
         if isinstance(caller, Caller):
             response.headers |= caller.rate_headers
-            response.log |= {"client": caller.address} if caller.address != request.head.peer else {}
+            response.log |= {"client": caller.address} if caller.address != head.peer else {}
             response.log |= {"key": caller.name} if caller.name else {}
-        return self._cors.add(request.head, response)
+        return self._cors.add(head, response)
 
     def _admit(self, head: Head) -> Admission | Response:
         if (preflight := self._preflight(head)) is not None:
@@ -132,6 +147,17 @@ class Service:
         """The service ends: begin no job any more."""
         if self.jobs:
             self.jobs.runner.stop()
+
+    def _measure(self) -> None:
+        """Connects what happens to the figures that tell of it."""
+        self.metrics.routes = frozenset(each.template for each in self.routes)
+        self.memory.on_change = self.metrics.held
+        self.decoders.on_death = self.metrics.decoders_died.inc
+        self.metrics.ask(
+            "lichen_asset_bytes", "images that are stored", "store", lambda: {"disk": self.assets.stored()}
+        )
+        if self.jobs:
+            self.metrics.ask("lichen_jobs", "jobs by state", "state", self.jobs.queue.counts)
 
     def _preflight(self, head: Head) -> Response | None:
         if head.method != "OPTIONS" or not self._cors.origins:

@@ -8,7 +8,7 @@ holds the result once more. Who does not fit now is refused at once and told to 
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
@@ -54,6 +54,7 @@ class Memory:
         self.total = total
         self.held = 0
         self._lock = threading.Lock()
+        self.on_change: Callable[[int], None] = lambda _: None
 
     @contextmanager
     def request(self) -> Iterator[None]:
@@ -66,6 +67,7 @@ class Memory:
             _current.reset(token)
             with self._lock:
                 self.held -= reservation.held
+                self.on_change(self.held)
 
     def take(self, count: int, own: int) -> None:
         with self._lock:
@@ -88,3 +90,4 @@ class Memory:
                     retryable=True,
                 )
             self.held += count
+            self.on_change(self.held)

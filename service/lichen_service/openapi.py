@@ -63,10 +63,11 @@ def _fixed_paths() -> dict[str, Any]:
         "/v1/limits": ("getLimits", "What one request may ask for"),
         "/v1/version": ("getVersion", "Versions of the engine, its device and its libraries"),
         "/openapi.json": ("getOpenapi", "This document"),
+        "/metrics": ("getMetrics", "Figures for Prometheus"),
         "/livez": ("getLiveness", "Whether the process answers"),
         "/readyz": ("getReadiness", "Whether a tiny request goes through right now"),
     }
-    paths = {
+    paths: dict[str, Any] = {
         path: {
             "get": {
                 "operationId": identifier,
@@ -75,6 +76,10 @@ def _fixed_paths() -> dict[str, Any]:
             }
         }
         for path, (identifier, summary) in json_paths.items()
+    }
+    paths["/metrics"]["get"]["responses"]["200"] = {
+        "description": "Prometheus's text format",
+        "content": {"text/plain": {"schema": {"type": "string"}}},
     }
     paths["/"] = {
         "get": {

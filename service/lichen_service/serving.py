@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from lichen_service import configuration
 from lichen_service.access.guard import must_not_listen
 from lichen_service.http import server
-from lichen_service.settings import SHARED
+from lichen_service.settings import FIGURES, SHARED
 
 
 def main(arguments: Sequence[str] | None = None, prog: str = "python -m lichen_service") -> int:
@@ -21,5 +21,5 @@ def main(arguments: Sequence[str] | None = None, prog: str = "python -m lichen_s
         return 2
     with tempfile.TemporaryDirectory(prefix="lichen-") as shared:
         # Workers are started afresh and read the same settings from their environment.
-        os.environ.update(settings.environment() | {SHARED: shared})
+        os.environ.update(settings.environment() | {SHARED: shared, FIGURES: shared})
         return server.serve("lichen_service.app:create_application", settings)

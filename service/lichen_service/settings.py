@@ -214,6 +214,8 @@ class Declared:
 
 SHARED = PREFIX + "SHARED"
 """The variable by which a worker learns of the folder that all workers of one service share while they run."""
+FIGURES = "PROMETHEUS_MULTIPROC_DIR"
+"""The variable by which the client library of Prometheus learns where all workers count."""
 CONFIG_VARIABLE = PREFIX + "CONFIG"
 NO_FILE = "none"
 """The name of a file of settings that stands for none."""

@@ -48,7 +48,7 @@ class Loop:
     ) -> None:
         self.settings = settings
         self.bounds = bounds or Bounds()
-        self.log = log or AccessLog()
+        self.log = log or AccessLog(tell=getattr(application, "answered", None))
         self.reactor = Reactor()
         self.reactor.after_round = self.log.flush
         self.scratch = memoryview(bytearray(self.bounds.read_size))

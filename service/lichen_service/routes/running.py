@@ -36,7 +36,7 @@ from lichen_service.memory import reserve, to_decode, to_run
 from lichen_service.negotiation import prefers
 from lichen_service.queries import Query
 from lichen_service.refusals import relocated
-from lichen_service.reports import report
+from lichen_service.reports import SKIPPING, report
 from lichen_service.routes.assets import resolve
 from lichen_service.routes.system import versions
 from lichen_service.settings import Settings
@@ -278,7 +278,8 @@ def _log(operation: Operation[Any], images: Mapping[str, Image], result: Result,
     return {
         "operation": operation.name,
         "pixels": sum(image.height * image.width for image in images.values()),
-        "method": result.method,
+        "method_used": result.method,
         "device": result.device,
+        "skipped": sum(each.action in SKIPPING for each in result.decisions),
         "stages_ms": {name: round(seconds * 1e3, 3) for name, seconds in stages.seconds.items()},
     }

@@ -128,7 +128,7 @@ def test_what_the_log_learns_of_the_caller(tmp_path: Path, settings: Settings) -
     keys.write(chosen.key_file, known)
     call = Caller(Service(chosen), chosen)
     response = call("GET", "/v1/limits", headers={**bearer(token), "x-forwarded-for": "198.51.100.4"})
-    assert response.log == {"client": "198.51.100.4", "key": key.id}
+    assert response.log == {"client": "198.51.100.4", "key": key.id, "route": "/v1/limits"}
 
 
 @pytest.mark.parametrize(

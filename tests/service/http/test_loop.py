@@ -452,6 +452,26 @@ def test_one_log_line_for_each_answer(serve: Serve) -> None:
     assert {"time", "queue_ms", "work_ms", "total_ms", "peer"} <= line.keys()
 
 
+@pytest.mark.parametrize(
+    ("sent", "known"),
+    [
+        ("00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01", True),
+        ("00-00000000000000000000000000000000-b7ad6b7169203331-01", False),
+        ("00-0af7651916cd43dd8448eb211c80319c-0000000000000000-01", False),
+        ("ff-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01", False),
+        ("00-0AF7651916CD43DD8448EB211C80319C-b7ad6b7169203331-01", False),
+        ("00-0af7651916cd43dd8448eb211c80319c", False),
+    ],
+)
+def test_a_trace_is_carried_into_the_log(serve: Serve, sent: str, known: bool) -> None:
+    running = serve()
+    assert running.ask(get("/", f"traceparent: {sent}")).status == 200
+    until(lambda: bool(running.lines()))
+    (line,) = running.lines()
+    assert line.get("trace_id") == (sent.split("-")[1] if known else None)
+    assert line.get("parent_id") == (sent.split("-")[2] if known else None)
+
+
 # The end
 
 
