@@ -88,7 +88,7 @@ class Assets:
         path = self._path(name)
         try:
             descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return None
         try:
             fcntl.flock(descriptor, fcntl.LOCK_SH)
@@ -112,6 +112,8 @@ class Assets:
     def delete(self, name: str) -> bool:
         """Whether there was anything to delete. Raises `InUse`."""
         path = self._path(name)
+        if not path.exists():
+            return False
         with durable.locked(self._lock_path()):
             if not path.exists():
                 return False

@@ -10,14 +10,19 @@ is new. A comment goes out now and then, so that the wire notices who has gone. 
 
 from __future__ import annotations
 
+import sqlite3
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import structlog
+
 from lichen_service.documents import canonical
 from lichen_service.jobs.job import FINAL, Job
 from lichen_service.jobs.queue import Queue
+
+log = structlog.get_logger("lichen_service")
 
 PAUSE = 0.2
 """Seconds between looks at the queue while anybody watches."""
@@ -94,7 +99,12 @@ class Events:
                 if not watching:
                     self._thread = None
                     return
-            jobs = {name: self._queue.find(name) for name in {each.name for each in watching}}
+            try:
+                jobs = {name: self._queue.find(name) for name in {each.name for each in watching}}
+            except sqlite3.Error as failure:
+                log.error("the queue cannot be read", reason=str(failure))
+                time.sleep(1.0)
+                continue
             now = time.monotonic()
             for each in watching:
                 if each.look(jobs[each.name], now):

@@ -6,6 +6,7 @@ in the second case it waits again, and whoever starts next takes it up.
 
 from __future__ import annotations
 
+import sqlite3
 import threading
 import time
 from collections.abc import Callable
@@ -25,6 +26,8 @@ RECOVERING = 2.0
 """Seconds between looks at whose process has died."""
 CLEANING = 60.0
 """Seconds between looks at what has expired."""
+AFTER_FAILURE = 1.0
+"""Seconds until a thread that failed begins again."""
 PROGRESS = {"decode": 5, "plan": 15, "run": 20, "encode": 85, "digest": 95}
 """How far a job is when a stage begins, in per cent."""
 
@@ -59,24 +62,29 @@ class Runner:
                 thread.join(timeout)
 
     def _run(self) -> None:
-        try:
-            with self._queue.worker() as worker:
-                recovered = cleaned = float("-inf")
-                while not self._stopping.is_set():
-                    now = time.monotonic()
-                    if now - recovered > RECOVERING:
-                        recovered = now
-                        self._recover()
-                    if now - cleaned > CLEANING:
-                        cleaned = now
-                        self._queue.clean()
-                    job = self._queue.claim(worker)
-                    if job is None:
-                        self._work.acquire(timeout=PAUSE)
-                    else:
-                        self._do(job, worker)
-        except Exception:
-            log.exception("a thread for jobs broke off")
+        while not self._stopping.is_set():
+            try:
+                with self._queue.worker() as worker:
+                    self._work_off(worker)
+            except Exception:
+                log.exception("work on jobs broke off, and begins again")
+                self._stopping.wait(AFTER_FAILURE)
+
+    def _work_off(self, worker: str) -> None:
+        recovered = cleaned = float("-inf")
+        while not self._stopping.is_set():
+            now = time.monotonic()
+            if now - recovered > RECOVERING:
+                recovered = now
+                self._recover()
+            if now - cleaned > CLEANING:
+                cleaned = now
+                self._queue.clean()
+            job = self._queue.claim(worker)
+            if job is None:
+                self._work.acquire(timeout=PAUSE)
+            else:
+                self._do(job, worker)
 
     def _recover(self) -> None:
         for job in self._queue.recover():
@@ -121,7 +129,13 @@ class Runner:
             self._stopping.wait(1.0 if answer.status == 503 else 0.0)
             return
         kept = {name: value for name, value in answer.headers.items() if name != "Cache-Control"}
-        done = self._queue.finish(job, worker, answer.status, kept, answer.body, self._keep)
+        try:
+            done = self._queue.finish(job, worker, answer.status, kept, answer.body, self._keep)
+        except (OSError, sqlite3.OperationalError) as failure:  # a full disk, most likely
+            log.error("the result of a job could not be kept; it waits again", job=job.id, reason=str(failure))
+            self._queue.release(job, worker)
+            self._stopping.wait(AFTER_FAILURE)
+            return
         log.info(
             "job",
             job=job.id,

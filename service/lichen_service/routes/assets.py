@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import structlog
+
 from lichen.errors import Flaw
 from lichen.files import probe, recognise
 from lichen_service.access.guard import Caller
@@ -18,6 +20,8 @@ from lichen_service.negotiation import media_type_of
 from lichen_service.refusals import RETRY_AFTER, Refusal
 from lichen_service.stored import respond
 from lichen_service.uploads import UNTOLD, Upload
+
+log = structlog.get_logger("lichen_service")
 
 PATH = "/v1/assets"
 
@@ -43,7 +47,8 @@ class AssetRoutes:
         except Full:
             raise _no_room("Everything that is stored is in use.") from None
         except OSError as failure:
-            raise _no_room(f"The disk takes no more: {failure.strerror}.") from None
+            log.error("an asset could not be kept", reason=str(failure))
+            raise _no_room("It could not be written to the disk.") from None
         body = {
             "id": stored,
             "bytes": size,

@@ -9,7 +9,10 @@ An `Idempotency-Key` makes asking twice safe: the same request gets the job that
 from __future__ import annotations
 
 import re
+import sqlite3
 from typing import Any
+
+import structlog
 
 from lichen_service.access.guard import Caller
 from lichen_service.assets import is_id
@@ -22,6 +25,8 @@ from lichen_service.jobs.runner import Runner
 from lichen_service.refusals import RETRY_AFTER, Refusal
 from lichen_service.settings import Settings
 from lichen_service.stored import respond
+
+log = structlog.get_logger("lichen_service")
 
 LISTED = 100
 """Jobs in a list, the newest."""
@@ -80,9 +85,10 @@ class JobRoutes:
                 headers={"Retry-After": RETRY_AFTER},
                 retryable=True,
             ) from None
-        except OSError as failure:
+        except (OSError, sqlite3.OperationalError) as failure:
+            log.error("a job could not be kept", reason=str(failure))
             raise Refusal(
-                507, "no-room", "There is no room for the job", f"The disk takes no more: {failure.strerror}."
+                507, "no-room", "There is no room for the job", "It could not be written to the disk.", retryable=True
             ) from None
         self._runner.notify()
         response = momentary(202, job.document())

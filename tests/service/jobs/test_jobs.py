@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import http.client
 import json
 import os
@@ -14,11 +15,12 @@ from typing import Any
 
 import pytest
 
-from lichen_service import strict_json
+from lichen_service import durable, strict_json
 from lichen_service.access import keys
 from lichen_service.access.keys import Keys
 from lichen_service.app import Service
 from lichen_service.http.message import Response
+from lichen_service.jobs.queue import MOST_ATTEMPTS
 from lichen_service.jobs.runner import Runner
 from lichen_service.refusals import Refusal
 from lichen_service.settings import Settings
@@ -180,6 +182,43 @@ def test_a_service_that_ends_gives_its_job_back(idle: Caller, png: bytes) -> Non
     until(lambda: bool(began))
     runner.stop(PATIENCE)
     assert read_json(idle("GET", location))["status"] == "accepted"
+
+
+def test_a_disk_that_takes_no_more_loses_nothing(idle: Caller, png: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    jobs = idle.service.jobs
+    assert jobs is not None
+    location = accepted(idle("POST", BLUR, png, ASYNC))
+    full = [True]
+    write = durable.write
+
+    def refuse(path: Path, data: Any, **more: Any) -> None:
+        if full:
+            failed.append(path.name)
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(path, data, **more)
+
+    failed: list[str] = []
+    monkeypatch.setattr("lichen_service.durable.write", refuse)
+    monkeypatch.setattr("lichen_service.jobs.runner.AFTER_FAILURE", 0.01)
+    problem_of(idle("POST", BLUR, png, ASYNC), 507, "no-room")
+    problem_of(idle("PUT", "/v1/assets", png), 507, "no-room")
+    assert idle("POST", BLUR, png).status == 200
+    jobs.runner.start()
+    until(lambda: sum(name.startswith("result") for name in failed) > MOST_ATTEMPTS)
+    full.clear()
+    assert ended(idle, location)["status"] == "successful"
+    jobs.runner.stop(PATIENCE)
+
+
+def test_a_service_that_cannot_keep_anything_still_computes(tmp_path: Path, settings: Settings, png: bytes) -> None:
+    (tmp_path / "file").touch()
+    chosen = replace(settings, data=str(tmp_path / "file" / "data"))
+    call = Caller(Service(chosen), chosen)
+    assert call("POST", BLUR, png).status == 200
+    assert call("GET", "/v1/jobs").status == 404
+    problem_of(call("PUT", "/v1/assets", png), 507, "no-room")
+    problem_of(call("GET", f"/v1/assets/sha256:{'0' * 64}"), 404, "unknown-asset")
+    assert call("GET", "/metrics").status == 200
 
 
 def test_switched_off_jobs_are_not_there(tmp_path: Path, settings: Settings, png: bytes) -> None:
