@@ -172,7 +172,7 @@ class Service:
             self._guard.admit(head, "")
             raise
         scope = match.route.scope
-        return match, Caller() if scope is None else self._guard.admit(head, scope)
+        return match, Caller(head.peer) if scope is None else self._guard.admit(head, scope)
 
     def _handle(self, request: Request) -> Response:
         if signing.is_signed(request.head.query):

@@ -59,7 +59,7 @@ def _workers() -> int:
 class Settings:
     """How the service runs. Sizes are bytes or pixels, times are seconds."""
 
-    host: str = _setting("127.0.0.1", "address to listen on")
+    host: str = _setting("127.0.0.1", "address to listen on, or unix:PATH for a socket in the file system")
     port: int = _setting(8080, "port to listen on; 0 takes a free one", 0, 65535)
     workers: int = _setting(_workers(), "processes that answer requests", 1, 256)
     threads: int = _setting(4, "requests one process computes at a time", 1, 256)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -101,3 +103,9 @@ def test_the_command_shows_values_and_origins(
     assert lines["grace"][-1] == configuration.DEFAULT
     assert main(["config", "--port", "x"]) == 2
     assert "--port must be a whole number" in capsys.readouterr().err
+
+
+def test_the_supervisor_loads_nothing_that_computes() -> None:
+    heavy = "{'numpy', 'pyopencl', 'cv2', 'OpenImageIO', 'lichen.engine'}"
+    said = f"import sys, lichen_service.serving; print(sorted({heavy} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -17,6 +17,7 @@ from lichen_service.access.keys import SCOPES, Key, KeyFile
 from lichen_service.access.proxies import Proxies
 from lichen_service.access.rates import Rates, Verdict
 from lichen_service.http.message import Head
+from lichen_service.http.server import UNIX
 from lichen_service.refusals import Refusal
 from lichen_service.settings import Settings
 
@@ -139,9 +140,9 @@ def must_not_listen(settings: Settings) -> str | None:
 
 
 def _is_loopback(host: str) -> bool:
-    """Whether everything a name stands for is this machine alone."""
-    if not host:
-        return False
+    """Whether everything a name stands for is this machine alone; the file system is."""
+    if not host or host.startswith(UNIX):
+        return bool(host)
     try:
         found = {each[4][0] for each in socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)}
     except OSError:

@@ -137,6 +137,7 @@ def test_what_the_log_learns_of_the_caller(tmp_path: Path, settings: Settings) -
         ("127.0.0.1", "off", False, True),
         ("::1", "off", False, True),
         ("localhost", "off", False, True),
+        ("unix:socket", "off", False, True),
         ("0.0.0.0", "off", False, False),
         ("", "off", False, False),
         ("::", "off", False, False),

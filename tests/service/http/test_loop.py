@@ -372,7 +372,7 @@ def test_many_half_open_connections_cost_no_thread(server: Running) -> None:
         for number, client in enumerate(clients):
             client.send((get(), post("/echo", b"x" * 100))[number % 2][:-1])
         until(lambda: server.loop.connections >= 200)
-        assert threading.active_count() == threads
+        assert threading.active_count() <= threads  # fewer: other tests leave threads that end by themselves
         assert server.ask(get()).status == 200
         for client in clients[:4]:
             client.send(b"\n" if clients.index(client) % 2 == 0 else b"x")
