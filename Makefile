@@ -5,6 +5,8 @@ VENV ?= .venv
 HOST ?= 127.0.0.1
 PORT ?= 8080
 DRAWS ?= 20000
+INPUTS ?= 80000
+SECONDS ?= 600
 ARGS ?=
 
 BIN := $(VENV)/bin
@@ -15,11 +17,11 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install develop serve test lint format fuzz bench accuracy audit lock container-test clean
+.PHONY: help install develop serve test lint format fuzz soak bench accuracy audit lock container-test clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z-]*\):[^#]*## */  make \1 @/p' $(firstword $(MAKEFILE_LIST)) | awk -F@ '{ printf "%-24s%s\n", $$1, $$2 }'
-	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) ARGS=... (handed on: make test ARGS='-k lic')"
+	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) DRAWS INPUTS SECONDS ARGS=... (handed on: make test ARGS='-k lic')"
 
 install: $(VENV)/.runtime ## install what serving needs: system packages, .venv, pinned Python packages
 
@@ -43,8 +45,12 @@ format: $(VENV)/.development ## bring the source into the house style
 	@$(BIN)/ruff check --quiet --fix .
 	@$(BIN)/ruff format --quiet .
 
-fuzz: $(VENV)/.development ## hold every stated error to twenty thousand drawn images and parameters (DRAWS=...)
+fuzz: $(VENV)/.development ## hold errors to DRAWS drawn images, and our reading of HTTP to INPUTS mangled requests
+	@LICHEN_INPUTS=$(INPUTS) $(BIN)/python -m pytest tests/service/http/test_differential.py
 	@LICHEN_DRAWS=$(DRAWS) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py $(ARGS)
+
+soak: $(VENV)/.development ## serve for SECONDS, and show that memory, threads and files stay what they were
+	@$(BIN)/python tests/service/soak.py --seconds $(SECONDS)
 
 bench: $(VENV)/.development ## measure speed and error beside the peers
 	@set -e; for script in $(or $(ARGS),tests/benchmarks/bench_*.py); do $(BIN)/python $$script; done

@@ -57,16 +57,7 @@ def description_of(operation: Operation[Any], settings: Settings) -> dict[str, A
 
 def limits_of(settings: Settings) -> dict[str, Any]:
     """What one request may ask for. Sizes in bytes and pixels, times in seconds."""
-    return {
-        "body_bytes": settings.max_body,
-        "image_pixels": settings.max_pixels,
-        "image_side": settings.max_side,
-        "image_channels": settings.max_channels,
-        "image_bytes": settings.max_decoded,
-        "images": settings.max_images,
-        "request_seconds": settings.request_timeout,
-        "waiting_requests": settings.queue,
-    }
+    return settings.limits()
 
 
 def options_schema() -> dict[str, Any]:

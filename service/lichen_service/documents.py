@@ -39,6 +39,11 @@ def canonical(value: Any) -> bytes:
     return json.dumps(plain(value), sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
+def as_query(values: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    """Parameters as a URL gives them: text plain, everything else as JSON."""
+    return tuple((name, each if isinstance(each, str) else canonical(each).decode()) for name, each in values.items())
+
+
 def content_digest(body: Body) -> str:
     """The `Content-Digest` of a body (RFC 9530)."""
     return f"sha-256=:{base64.b64encode(hashlib.sha256(body).digest()).decode()}:"

@@ -12,8 +12,9 @@ from typing import Any
 
 import lichen
 from lichen.files import FORMATS
-from lichen.operation import Knob, Operation
+from lichen.operation import Input, Knob, Operation
 from lichen_service.descriptions import accuracy_path_of, inlined, options_schema, path_of
+from lichen_service.openapi_storage import asset_paths, job_paths
 from lichen_service.routes.accuracy import FORMS as ACCURACY_FORMS
 from lichen_service.routes.accuracy import View
 from lichen_service.uploads import FORM
@@ -46,6 +47,8 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
         },
         "paths": {
             **_fixed_paths(),
+            **asset_paths(),
+            **job_paths(),
             accuracy_path_of("{name}"): _accuracy_path(operations),
             **{path_of(name): _path(each) for name, each in operations.items()},
         },
@@ -60,10 +63,11 @@ def _fixed_paths() -> dict[str, Any]:
         "/v1/limits": ("getLimits", "What one request may ask for"),
         "/v1/version": ("getVersion", "Versions of the engine, its device and its libraries"),
         "/openapi.json": ("getOpenapi", "This document"),
+        "/metrics": ("getMetrics", "Figures for Prometheus"),
         "/livez": ("getLiveness", "Whether the process answers"),
         "/readyz": ("getReadiness", "Whether a tiny request goes through right now"),
     }
-    paths = {
+    paths: dict[str, Any] = {
         path: {
             "get": {
                 "operationId": identifier,
@@ -72,6 +76,10 @@ def _fixed_paths() -> dict[str, Any]:
             }
         }
         for path, (identifier, summary) in json_paths.items()
+    }
+    paths["/metrics"]["get"]["responses"]["200"] = {
+        "description": "Prometheus's text format",
+        "content": {"text/plain": {"schema": {"type": "string"}}},
     }
     paths["/"] = {
         "get": {
@@ -115,10 +123,13 @@ def _path(operation: Operation[Any]) -> dict[str, Any]:
         "tags": [operation.family],
         "responses": {"200": _json_response("parameters, inputs, methods, limits"), "default": _reference("Problem")},
     }
-    if not any(each.required for each in operation.inputs):
-        described["summary"] += "; with a query, a run of it"
-        described["parameters"] = _parameters(operation)
-        described["responses"] = {"200": _reference("Image"), "default": _reference("Problem")}
+    described["summary"] += "; with a query that names all images it needs, a run of it"
+    described["parameters"] = [{**each, "required": False} for each in _parameters(operation)]
+    described["responses"] = {
+        "200": _reference("Image"),
+        "304": _reference("Unchanged"),
+        "default": _reference("Problem"),
+    }
     return {
         "get": described,
         "post": {
@@ -144,7 +155,14 @@ def _parameters(operation: Operation[Any]) -> list[dict[str, Any]]:
             option["schema"] = {"type": "string", "enum": list(operation.methods)}
         elif option["name"] == "format":
             option["schema"] = {"type": "string", "enum": list(FORMATS)}
-    return [*declared, *knobs, *options]
+    return [*declared, *knobs, *options, *(_asset(each) for each in operation.inputs)]
+
+
+def _asset(declared: Input) -> dict[str, Any]:
+    """An input by the name of a stored image, instead of one in the body."""
+    schema = {"type": "string", "pattern": "^sha256:[0-9a-f]{64}$"}
+    said = f"{declared.description} (a stored image instead of one that is sent)"
+    return {"name": declared.name, "in": "query", "required": False, "description": said, "schema": schema}
 
 
 def _parameter(name: str, schema: Mapping[str, Any], required: bool) -> dict[str, Any]:

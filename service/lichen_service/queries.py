@@ -8,7 +8,7 @@ options. Pointers say where: `/parameters/...` for what the operation declares, 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -19,6 +19,7 @@ from lichen.files import FORMATS
 from lichen.image import Alpha, Space, Storage
 from lichen.operation import Knob, Operation
 from lichen.order import Nonfinite
+from lichen_service.assets import is_id
 
 
 class Options(BaseModel):
@@ -59,19 +60,24 @@ RESERVED = frozenset(Options.model_fields)
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A query that was read. `values` holds parameters and knobs as the text they came in."""
+    """A query that was read. `values` holds parameters and knobs as the text they came in, `assets` the names of stored
+    images by input."""
 
     options: Options
     values: Mapping[str, str]
+    assets: Mapping[str, str] = field(default_factory=dict)
 
 
 def read(operation: Operation[Any], pairs: Sequence[tuple[str, str]]) -> tuple[Query, list[Flaw]]:
     """The query of a run of `operation`, and everything that is wrong with it."""
     flaws: list[Flaw] = []
     given: dict[str, str] = {}
+    assets: dict[str, str] = {}
     for name, value in pairs:
-        if name in given:
+        if name in given or name in assets:
             flaws.append(Flaw(_pointer(operation, name), "is given more than once"))
+        elif is_id(value) and any(name == each.name for each in operation.inputs):
+            assets[name] = value
         elif _known(operation, name):
             given[name] = value
         else:
@@ -81,7 +87,7 @@ def read(operation: Operation[Any], pairs: Sequence[tuple[str, str]]) -> tuple[Q
     flaws += wrong
     flaws += _flaws_of_options(operation, options)
     flaws += _flaws_of_values(operation, values)
-    return Query(options, values), list(dict.fromkeys(flaws))
+    return Query(options, values, assets), list(dict.fromkeys(flaws))
 
 
 def _known(operation: Operation[Any], name: str) -> bool:
@@ -97,7 +103,10 @@ def _pointer(operation: Operation[Any], name: str) -> str:
 def _unknown(operation: Operation[Any], name: str) -> Flaw:
     pointer = _pointer(operation, name)
     if any(name == each.name for each in operation.inputs):
-        return Flaw(pointer, "is an input: send it as the part of this name in a multipart/form-data body")
+        return Flaw(
+            pointer,
+            "is an input: name a stored image, sha256:..., or send it as the part of this name in multipart/form-data",
+        )
     names = {*operation.parameters.model_fields, *operation.knobs, *RESERVED}
     return Flaw(pointer, f"is not a name {operation.name} knows; {nearest(name, names)}")
 

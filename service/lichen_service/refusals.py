@@ -21,7 +21,7 @@ from lichen.errors import (
     UnreadableImage,
     UnsupportedFormat,
 )
-from lichen_service.http.message import Head, Response
+from lichen_service.http.message import CLIENT_GONE, Head, Response
 from lichen_service.problems import problem
 
 STATUS: Mapping[type[LichenError], int] = {
@@ -110,6 +110,23 @@ def too_late(stage: str) -> Refusal:
         "The request took too long",
         f"The time allowed for this request ended before the step '{stage}' could begin.",
         retryable=True,
+    )
+
+
+def client_gone(stage: str) -> Refusal:
+    """Nobody waits any more; the wire logs the status and sends nothing."""
+    return Refusal(CLIENT_GONE, "client-gone", "The client has hung up", f"Nobody waits for the step '{stage}'.")
+
+
+def too_costly(predicted: float, allowed: float) -> Refusal:
+    """What a request asks for would by prediction take far longer than it is allowed to."""
+    return Refusal(
+        422,
+        "too-costly",
+        "The request would take too long",
+        f"By prediction this takes {predicted:.3g} s, and {allowed:.3g} s are left for it.",
+        limit=allowed,
+        actual=predicted,
     )
 
 

@@ -7,7 +7,7 @@ with `Allow`. `HEAD` goes wherever `GET` goes, and `OPTIONS` is answered from th
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from urllib.parse import quote
 
@@ -27,6 +27,12 @@ class Route:
     handlers: Mapping[str, Handler]
     bodies: bool = False
     """whether any of its methods reads a body"""
+    reads: Collection[str] | None = None
+    """media types of those bodies; None: images and forms of them"""
+    check: Callable[[Request, str], object] | None = None
+    """raises what is wrong with a request that is to become a job"""
+    scope: str | None = ""
+    """what a key must be for; empty: any key will do; None: no key is needed"""
     pattern: re.Pattern[str] = field(init=False)
 
     def __post_init__(self) -> None:

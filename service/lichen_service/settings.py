@@ -1,18 +1,20 @@
 """Every number the service can be told, in one frozen value.
 
-A setting comes from its flag, else from its environment variable, else from its default: `--max-body`,
-`LICHEN_MAX_BODY`, `Settings.max_body`. Flags, variables, ranges and help all derive from the fields below, so a new
-setting is one new field. Workers are fresh processes and receive the values through their environment (`environment`).
+A setting is one field of `Settings`: its flag (`--max-body`), its environment variable (`LICHEN_MAX_BODY`), its line in
+a TOML file (`max_body = 1000`), its range, its help and the name under which clients are told of it all derive from
+that field. Where a value comes from is the business of `lichen_service.configuration`.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
+
+import platformdirs
 
 PREFIX = "LICHEN_"
 
@@ -22,9 +24,30 @@ class InvalidSettings(ValueError):
 
 
 def _setting(
-    default: Any, help: str, low: float | None = None, high: float | None = None, choices: tuple[str, ...] = ()
+    default: Any,
+    help: str,
+    low: float | None = None,
+    high: float | None = None,
+    *,
+    choices: tuple[str, ...] = (),
+    limit: str = "",
 ) -> Any:
-    return field(default=default, metadata={"help": help, "low": low, "high": high, "choices": choices})
+    """`limit` is the name under which /v1/limits publishes the setting; empty where it does not concern clients."""
+    return field(default=default, metadata={"help": help, "low": low, "high": high, "choices": choices, "limit": limit})
+
+
+def _switch(default: str, help: str) -> Any:
+    return _setting(default, f"{help}: on or off", choices=("on", "off"))
+
+
+def _memory() -> int:
+    """Half of what this machine, or the container we are in, has."""
+    installed = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    try:
+        allowed = Path("/sys/fs/cgroup/memory.max").read_text().strip()
+    except OSError:
+        allowed = "max"
+    return (min(installed, int(allowed)) if allowed.isdigit() else installed) // 2
 
 
 def _workers() -> int:
@@ -36,98 +59,172 @@ def _workers() -> int:
 class Settings:
     """How the service runs. Sizes are bytes or pixels, times are seconds."""
 
-    host: str = _setting("127.0.0.1", "address to listen on")
+    host: str = _setting("127.0.0.1", "address to listen on, or unix:PATH for a socket in the file system")
     port: int = _setting(8080, "port to listen on; 0 takes a free one", 0, 65535)
     workers: int = _setting(_workers(), "processes that answer requests", 1, 256)
     threads: int = _setting(4, "requests one process computes at a time", 1, 256)
-    queue: int = _setting(64, "requests one process keeps waiting; more are refused with 503", 0, 65536)
-
-    header_timeout: float = _setting(5.0, "seconds a client has to send a request head", 0.01, 3600)
-    body_rate: float = _setting(65536.0, "slowest bytes per second at which a body may arrive", 1, None)
-    idle_timeout: float = _setting(10.0, "seconds an idle connection is kept", 0.01, 3600)
-    request_timeout: float = _setting(60.0, "seconds a request may take in all", 0.01, 86400)
-    grace: float = _setting(30.0, "seconds that running requests have to end after SIGTERM", 0, 3600)
-
-    max_body: int = _setting(256 << 20, "largest request body in bytes", 1, None)
-    max_pixels: int = _setting(100_000_000, "most pixels of one image", 1, None)
-    max_side: int = _setting(65536, "longest side of an image in pixels", 1, None)
-    max_channels: int = _setting(64, "most channels of an image", 1, None)
-    max_decoded: int = _setting(1 << 31, "most bytes of one image once decoded", 1, None)
-    max_images: int = _setting(16, "most images in one request", 1, 1024)
-
-    calibrate: str = _setting(
-        "on", "whether a machine without measured times is measured, while idle: on or off", choices=("on", "off")
+    queue: int = _setting(
+        64, "requests one process keeps waiting; more are refused with 503", 0, 65536, limit="waiting_requests"
     )
 
+    header_timeout: float = _setting(
+        5.0, "seconds a client has to send a request head", 0.01, 3600, limit="header_seconds"
+    )
+    body_rate: float = _setting(
+        65536.0, "slowest bytes per second at which a body may arrive", 1, None, limit="body_bytes_per_second"
+    )
+    idle_timeout: float = _setting(10.0, "seconds an idle connection is kept", 0.01, 3600, limit="idle_seconds")
+    request_timeout: float = _setting(60.0, "seconds a request may take in all", 0.01, 86400, limit="request_seconds")
+    grace: float = _setting(30.0, "seconds that running requests have to end after SIGTERM", 0, 3600)
+
+    max_body: int = _setting(256 << 20, "largest request body in bytes", 1, None, limit="body_bytes")
+    max_pixels: int = _setting(100_000_000, "most pixels of one image", 1, None, limit="image_pixels")
+    max_side: int = _setting(65536, "longest side of an image in pixels", 1, None, limit="image_side")
+    max_channels: int = _setting(64, "most channels of an image", 1, None, limit="image_channels")
+    max_decoded: int = _setting(1 << 31, "most bytes of one image once decoded", 1, None, limit="image_bytes")
+    memory: int = _setting(
+        _memory(), "bytes that all images may take together, shared evenly by the processes", 1 << 20, None
+    )
+    max_images: int = _setting(16, "most images in one request", 1, 1024, limit="images")
+
+    decoders: int = _setting(2, "processes, for each that answers, in which images are decoded; 0: none", 0, 64)
+    decoder_memory: int = _setting(4 << 30, "bytes one of them may take", 1 << 20, None)
+    decoder_seconds: float = _setting(30.0, "seconds one image may take to decode", 0.1, 3600, limit="decode_seconds")
+
+    data: str = _setting("", "folder for keys, assets and jobs; empty: this user's data folder")
+    keys: str = _setting("", "file of keys (lichen keys); empty: keys.json in the data folder, if there is one")
+    asset_store: int = _setting(4 << 30, "bytes of all assets on disk; those unused longest give way", 1, None)
+    jobs: str = _switch("on", "whether work may be asked for that is done in the background")
+    job_threads: int = _setting(1, "jobs one process computes at a time", 1, 64)
+    job_timeout: float = _setting(3600.0, "seconds a job may take", 0.1, 1e6, limit="job_seconds")
+    job_ttl: float = _setting(86400.0, "seconds an ended job and its result are kept", 1, 1e8, limit="job_kept_seconds")
+    max_jobs: int = _setting(1000, "jobs that may wait or run at a time", 1, 10**6, limit="jobs")
+    max_jobs_each: int = _setting(100, "jobs of one key that may wait or run at a time", 1, 10**6, limit="jobs_each")
+    job_store: int = _setting(8 << 30, "bytes of all jobs on disk; more are refused", 1, None)
+    insecure: str = _switch("off", "whether everybody may ask, also from other machines, without a key")
+    trusted_proxies: str = _setting(
+        "", "addresses and networks, with commas, whose X-Forwarded-For is believed; 'unix' is the socket"
+    )
+    cors_origins: str = _setting("", "origins, with commas, whose pages may read answers; * for all")
+    rate: float = _setting(
+        0.0,
+        "requests a minute of one key, or of one address where no keys are needed; 0: any",
+        0,
+        1e9,
+        limit="requests_per_minute",
+    )
+    burst: int = _setting(60, "requests that may come at once within that rate", 1, 10**9, limit="requests_at_once")
+
+    calibrate: str = _switch("on", "whether a machine without measured times is measured, while idle")
+
     def environment(self) -> dict[str, str]:
-        """The settings as environment variables, from which `load` makes the same value again."""
-        return {PREFIX + each.name.upper(): str(getattr(self, each.name)) for each in dataclasses.fields(self)}
+        """The settings as environment variables, from which a worker makes the same value again.
+
+        They are all there, and a file of settings is switched off, so nothing else can decide.
+        """
+        return {each.variable: str(getattr(self, each.name)) for each in DECLARED} | {CONFIG_VARIABLE: NO_FILE}
 
     @classmethod
-    def load(cls, environ: Mapping[str, str] | None = None, flags: Mapping[str, str | None] | None = None) -> Settings:
-        """Settings from flags, then the environment (the process's own by default), then defaults.
+    def load(cls, environ: Mapping[str, str] | None = None) -> Settings:
+        """The settings of the environment (the process's own by default) alone, then defaults.
 
         Raises `InvalidSettings` naming every bad one at once.
         """
         environ = os.environ if environ is None else environ
         values: dict[str, Any] = {}
         flaws: list[str] = []
-        for each in dataclasses.fields(cls):
-            variable = PREFIX + each.name.upper()
-            given = (flags or {}).get(each.name)
-            source, text = (_flag(each.name), given) if given is not None else (variable, environ.get(variable))
-            if text is None or (text == "" and source == variable):
-                continue
-            try:
-                values[each.name] = _read(text, type(each.default), **_limits(each))
-            except ValueError as wrong:
-                flaws.append(f"{source} {wrong}")
+        for each in DECLARED:
+            text = environ.get(each.variable)
+            if text:
+                try:
+                    values[each.name] = each.read(text)
+                except ValueError as wrong:
+                    flaws.append(f"{each.variable} {wrong}")
         if flaws:
             raise InvalidSettings("; ".join(flaws))
         return cls(**values)
 
+    @property
+    def data_folder(self) -> Path:
+        return Path(self.data) if self.data else platformdirs.user_data_path("lichen")
 
-def _flag(name: str) -> str:
-    return "--" + name.replace("_", "-")
+    @property
+    def key_file(self) -> Path:
+        return Path(self.keys) if self.keys else self.data_folder / "keys.json"
 
-
-def _limits(each: dataclasses.Field[Any]) -> dict[str, Any]:
-    return {name: each.metadata[name] for name in ("low", "high", "choices")}
-
-
-def _read(text: str, kind: type[Any], low: float | None, high: float | None, choices: tuple[str, ...]) -> Any:
-    if choices and text not in choices:
-        raise ValueError(f"must be {' or '.join(choices)} (got {text!r})")
-    try:
-        value = kind(text)
-    except ValueError:
-        wanted = {int: "a whole number", float: "a number"}.get(kind, "text")
-        raise ValueError(f"must be {wanted} (got {text!r})") from None
-    if low is not None and not value >= low:  # written so that NaN fails
-        raise ValueError(f"must be at least {low:g} (got {text!r})")
-    if kind is float and value == float("inf"):
-        raise ValueError(f"must be finite (got {text!r})")
-    if high is not None and value > high:
-        raise ValueError(f"must be at most {high:g} (got {text!r})")
-    return value
+    def limits(self) -> dict[str, Any]:
+        """What clients are told, by its published name."""
+        return {each.limit: getattr(self, each.name) for each in DECLARED if each.limit}
 
 
-def add_flags(parser: argparse.ArgumentParser) -> None:
-    """Gives a command line one flag for each setting."""
-    for each in dataclasses.fields(Settings):
-        parser.add_argument(
-            _flag(each.name),
-            metavar=type(each.default).__name__.upper(),
-            help=f"{each.metadata['help']} (default {each.default}; {PREFIX}{each.name.upper()})",
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """One setting as its field declares it."""
+
+    name: str
+    default: Any
+    help: str
+    low: float | None
+    high: float | None
+    choices: tuple[str, ...]
+    limit: str
+
+    @property
+    def flag(self) -> str:
+        return "--" + self.name.replace("_", "-")
+
+    @property
+    def variable(self) -> str:
+        return PREFIX + self.name.upper()
+
+    @property
+    def kind(self) -> type[Any]:
+        return type(self.default)
+
+    def read(self, given: Any) -> Any:
+        """The value that a text, or a value of a TOML file, stands for. Raises `ValueError` that says what is wrong."""
+        shown = repr(given)
+        if self.choices:
+            given = {True: "on", False: "off"}.get(given, given) if isinstance(given, bool) else given
+            if given not in self.choices:
+                raise ValueError(f"must be {' or '.join(self.choices)} (got {shown})")
+        wanted = {int: "a whole number", float: "a number"}.get(self.kind, "text")
+        if isinstance(given, list) and self.kind is str and all(isinstance(each, str) for each in given):
+            given = ",".join(given)
+        fits = isinstance(given, str) or (
+            not isinstance(given, bool) and isinstance(given, {int: int, float: int | float}.get(self.kind, str))
         )
+        try:
+            value = self.kind(given) if fits else None
+        except ValueError:
+            value = None
+        if value is None:
+            raise ValueError(f"must be {wanted} (got {shown})")
+        self._check_range(value, shown)
+        return value
+
+    def _check_range(self, value: Any, shown: str) -> None:
+        if self.low is not None and not value >= self.low:  # written so that NaN fails
+            raise ValueError(f"must be at least {self.low:g} (got {shown})")
+        if self.kind is float and value == float("inf"):
+            raise ValueError(f"must be finite (got {shown})")
+        if self.high is not None and value > self.high:
+            raise ValueError(f"must be at most {self.high:g} (got {shown})")
 
 
-def from_command_line(arguments: Sequence[str] | None = None, prog: str = "python -m lichen_service") -> Settings:
-    """Settings of a command line; exits with status 2 and one sentence per flaw when they are not valid."""
-    parser = argparse.ArgumentParser(prog=prog, description="Serve image operations over HTTP.", allow_abbrev=False)
-    add_flags(parser)
-    given = vars(parser.parse_args(arguments))
-    try:
-        return Settings.load(flags=given)
-    except InvalidSettings as invalid:
-        parser.error(str(invalid))
+SHARED = PREFIX + "SHARED"
+"""The variable by which a worker learns of the folder that all workers of one service share while they run."""
+FIGURES = "PROMETHEUS_MULTIPROC_DIR"
+"""The variable by which the client library of Prometheus learns where all workers count."""
+CONFIG_VARIABLE = PREFIX + "CONFIG"
+NO_FILE = "none"
+"""The name of a file of settings that stands for none."""
+
+
+def _declared() -> Iterator[Declared]:
+    for each in dataclasses.fields(Settings):
+        yield Declared(each.name, each.default, **each.metadata)
+
+
+DECLARED: tuple[Declared, ...] = tuple(_declared())
+"""Every setting, in the order in which they are shown."""

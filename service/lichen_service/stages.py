@@ -1,7 +1,8 @@
-"""Where the time of a request went, and whether any is left.
+"""Where the time of a request went, whether any is left, and whether anybody still waits.
 
-Each stage of a run is entered through `Stages.stage`, which refuses to begin one after the deadline and measures the
-rest. The measurements leave as `Server-Timing` (milliseconds); stages that did not happen are not listed.
+Each stage of a run is entered through `Stages.stage`, which refuses to begin one after the deadline, or for a client
+that has hung up, and measures the rest. The measurements leave as `Server-Timing` (milliseconds); stages that did not
+happen are not listed.
 """
 
 from __future__ import annotations
@@ -12,32 +13,50 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from lichen_service.http.message import Head
-from lichen_service.refusals import too_late
+from lichen_service.refusals import client_gone, too_costly, too_late
 
 ORDER = ("queue", "decode", "plan", "upload", "kernel", "download", "encode", "total")
 """How the stages are listed; others follow in the order they were met."""
+
+DOUBT = 4.0
+"""How many times too long a prediction must be before it is believed: the machine may be faster than its model."""
 
 _NOT_TOKEN = re.compile(r"[^!#$%&'*+.^_`|~0-9A-Za-z-]")
 
 
 class Stages:
-    """The stopwatch of one request, which has `allowed` seconds from the moment it waits for a thread."""
+    """The stopwatch of one request, which has `allowed` seconds, or as few as the client asked for, from the moment it
+    waits for a thread."""
 
     def __init__(self, head: Head, allowed: float) -> None:
-        self._deadline = head.deadline
-        self._began = min(head.deadline - allowed, time.monotonic())
+        self._head = head
+        self._began = min(head.deadline - min(allowed, head.allowed), time.monotonic())
         self.seconds: dict[str, float] = {"queue": time.monotonic() - self._began}
+
+    @property
+    def remaining(self) -> float:
+        """Seconds until the deadline."""
+        return self._head.deadline - time.monotonic()
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Measures its body as `name`. Raises the 504 refusal instead when the deadline has passed."""
+        """Measures its body as `name`. Raises the 504 refusal instead when the deadline has passed, and the one that
+        nobody reads when the client has hung up."""
+        if not self._head.alive():
+            raise client_gone(name)
         began = time.monotonic()
-        if began >= self._deadline:
+        if began >= self._head.deadline:
             raise too_late(name)
+        self._head.began(name)
         try:
             yield
         finally:
             self.add(name, time.monotonic() - began)
+
+    def afford(self, predicted: float) -> None:
+        """Raises the refusal of work that by prediction takes far longer than is left."""
+        if predicted > DOUBT * max(self.remaining, 0.0):
+            raise too_costly(predicted, self.remaining)
 
     def add(self, name: str, seconds: float) -> None:
         self.seconds[name] = self.seconds.get(name, 0.0) + seconds

@@ -33,16 +33,18 @@ class Upload:
     media_type: str | None
 
 
-def check_type(head: Head, media_types: Collection[str]) -> str:
+def check_type(head: Head, media_types: Collection[str], *, forms: bool = True) -> str:
     """The body's media type. Raises a 415 that lists in `Accept` what can be read, before the body is read."""
     media_type = media_type_of(head.headers.get("content-type", ""))
-    if media_type in UNTOLD or media_type == FORM or media_type in media_types:
+    if media_type in UNTOLD or media_type in media_types or (forms and media_type == FORM):
         return media_type
-    raise _unsupported(f"The body is of type {media_type}, which is not read here", media_types)
+    raise _unsupported(f"The body is of type {media_type}, which is not read here", media_types, forms=forms)
 
 
-def _unsupported(detail: str, media_types: Collection[str], flaws: Sequence[Flaw] = ()) -> Refusal:
-    known = sorted({*media_types, FORM})
+def _unsupported(
+    detail: str, media_types: Collection[str], flaws: Sequence[Flaw] = (), *, forms: bool = True
+) -> Refusal:
+    known = sorted({*media_types, FORM} if forms else media_types)
     return Refusal(
         415,
         "unsupported-format",

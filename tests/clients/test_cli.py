@@ -72,7 +72,10 @@ def test_the_version_is_the_librarys(command: Lichen) -> None:
     ("arguments", "sentence"),
     [
         (["serv"], "there is no command 'serv'; did you mean serve?"),
-        (["xyzzy"], "there is no command 'xyzzy'; known: serve, run, operations, accuracy, calibrate, doctor"),
+        (
+            ["xyzzy"],
+            "there is no command 'xyzzy'; known: serve, config, keys, run, operations, accuracy, calibrate, doctor",
+        ),
         (["--nonsense"], "unrecognized arguments: --nonsense"),
         (["run", "--sigma", "5"], "the name of an operation comes first"),
         (["run", "gausian", "a", "b"], "There is no operation 'gausian'; did you mean gaussian?"),

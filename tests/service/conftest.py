@@ -38,6 +38,7 @@ class Caller:
         *,
         seconds: float | None = None,
         query: Sequence[tuple[str, str]] | None = None,
+        peer: str = "127.0.0.1",
     ) -> Response:
         path, _, text = target.partition("?")
         now = time.monotonic()
@@ -49,10 +50,13 @@ class Caller:
             "test-request",
             now,
             now + (self.settings.request_timeout if seconds is None else seconds),
+            peer,
         )
         admission = self.service.admit(head)
         self.admitted.append(not isinstance(admission, Response))
-        return admission if isinstance(admission, Response) else self.service.handle(Request(head, body))
+        return (
+            admission if isinstance(admission, Response) else self.service.handle(Request(head, body, admission.caller))
+        )
 
 
 def read_json(response: Response) -> Any:
@@ -104,8 +108,10 @@ def form(parts: Mapping[str, bytes | tuple[bytes, str]], boundary: str = "edge")
 
 
 @pytest.fixture(scope="session")
-def settings() -> Settings:
-    return Settings(max_body=4 << 20, max_pixels=1 << 20, max_side=4096, max_channels=8, max_images=4)
+def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
+    data = str(tmp_path_factory.mktemp("data"))
+    limits = {"max_body": 4 << 20, "max_pixels": 1 << 20, "max_side": 4096, "max_channels": 8, "max_images": 4}
+    return Settings(data=data, decoders=0, **limits)  # decoders have tests of their own
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from lichen import catalogue
 from lichen.errors import LichenError
 from lichen.files import FORMATS, encode
 from lichen.image import Alpha, Image, Space, Storage
-from lichen_service.app import as_query
+from lichen_service.documents import as_query
 from lichen_service.http.message import Response
 from lichen_service.queries import RESERVED
 from lichen_service.readiness import example

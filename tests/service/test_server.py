@@ -6,9 +6,11 @@ import http.client
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,6 +19,7 @@ import numpy as np
 import pytest
 
 from lichen.files import decode
+from lichen_cli.main import main
 
 from .conftest import form
 
@@ -27,12 +30,13 @@ BLUR = "/v1/operations/gaussian"
 def served(**environment: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
     """A server on a free port, ready to be asked; ended when left."""
     command = [sys.executable, "-m", "lichen_service", "--port", "0", "--workers", "1", "--threads", "2"]
+    data = tempfile.mkdtemp(prefix="lichen-test-")
     process = subprocess.Popen(
         [*command, "--max-body", "1000000"],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env=os.environ | environment,
+        env=os.environ | {"LICHEN_DATA": data} | environment,
     )
     try:
         assert process.stdout is not None
@@ -45,6 +49,7 @@ def served(**environment: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
         process.terminate()
         process.wait(30)
         process.stdout.close()
+        shutil.rmtree(data, ignore_errors=True)
 
 
 def wait_until_ready(port: int) -> None:
@@ -125,6 +130,30 @@ def test_refusals_leave_the_server_answering(port: int, png: bytes) -> None:
         assert json.loads(body)["request_id"] == headers["x-request-id"]
         assert headers["x-problem-code"] == json.loads(body)["code"]
     assert ask(port, "POST", f"{BLUR}?sigma=1", png)[0] == 200
+
+
+def test_figures_add_up_what_was_answered(port: int, png: bytes) -> None:
+    def count() -> float:
+        text = ask(port, "GET", "/metrics")[2].decode()
+        lines = [line for line in text.splitlines() if line.startswith("lichen_runs_total{") and "gaussian" in line]
+        return sum(float(line.rpartition(" ")[2]) for line in lines)
+
+    before = count()
+    assert ask(port, "POST", f"{BLUR}?sigma=1", png)[0] == 200
+    for _ in range(600):
+        if count() == before + 1:
+            break
+        time.sleep(0.1)
+    assert count() == before + 1
+
+
+def test_a_doctor_examines_a_running_service(port: int, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", "--json", "--url", f"http://127.0.0.1:{port}"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["sound"]
+    assert {each["name"] for each in found["checks"]} >= {"answers", "is ready", "computes what we compute", "counts"}
+    assert main(["doctor", "--json", "--url", "http://127.0.0.1:9"]) == 1
+    assert json.loads(capsys.readouterr().out)["checks"][0]["works"] is False
 
 
 def test_numpy_serves_alone_and_the_process_ends_in_order(png: bytes) -> None:

@@ -8,6 +8,7 @@ status is 0 when all of it works.
 from __future__ import annotations
 
 import json
+import os
 import platform
 import re
 from collections.abc import Iterator, Sequence
@@ -43,12 +44,19 @@ def main(arguments: Sequence[str]) -> int:
     says = "Find out what works on this machine, and why the rest does not."
     parser = Parser(prog="lichen doctor", description=says, allow_abbrev=False)
     parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--url", help="examine a running service instead of this machine")
+    parser.add_argument("--key", help="the key to send to it (default: LICHEN_KEY)")
     given = parser.parse_args(arguments)
 
     from rich.console import Console
 
     with Console(stderr=True).status("examining"):  # shown on a terminal only
-        checks = [*_versions(), _device(), *_formats(), *_operations()]
+        if given.url:
+            from lichen_cli.doctor_url import examine
+
+            checks = list(examine(given.url, given.key or os.environ.get("LICHEN_KEY")))
+        else:
+            checks = [*_versions(), _device(), *_formats(), *_operations()]
     failed = [check for check in checks if check.works is False]
     if given.json:
         print(json.dumps({"sound": not failed, "checks": [asdict(check) for check in checks]}, indent=2))

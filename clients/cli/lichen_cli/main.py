@@ -17,6 +17,8 @@ FAILED, INVALID, INTERRUPTED = 1, 2, 130
 
 COMMANDS = {
     "serve": ("lichen_cli.serve", "answer requests over HTTP"),
+    "config": ("lichen_cli.config", "show the settings of the service and where each comes from"),
+    "keys": ("lichen_cli.keys", "make, list and revoke the keys that callers need"),
     "run": ("lichen_cli.run", "run an operation on image files"),
     "operations": ("lichen_cli.operations", "list the operations, or describe one"),
     "accuracy": ("lichen_cli.accuracy", "show what accuracy costs in time"),

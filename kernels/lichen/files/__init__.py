@@ -30,6 +30,7 @@ from lichen.files.samples import to_floats, to_storage, upright
 from lichen.files.tiff import tiff
 from lichen.files.webp import webp
 from lichen.image import Image, Storage
+from lichen.memory import Array
 
 __all__ = [
     "FORMATS",
@@ -38,6 +39,7 @@ __all__ = [
     "Format",
     "Header",
     "Limits",
+    "assembled",
     "decode",
     "encode",
     "format_for_media_type",
@@ -69,9 +71,13 @@ def decode(data: Data, *, limits: Limits | None = None, media_type: str | None =
     format = recognise(view, media_type=media_type)
     header = format.read_header(view)
     header.check(limits or Limits())
-    samples = format.read_samples(view, header)
+    return assembled(header, format.read_samples(view, header))
+
+
+def assembled(header: Header, samples: Array) -> Image:
+    """The image that a header describes, of samples as they are stored. Raises `UnreadableImage` where they differ."""
     if samples.shape != header.stored_shape:
-        raise UnreadableImage(f"The {format.name} header claims {header.stored_shape}, the data {samples.shape}.")
+        raise UnreadableImage(f"The {header.format} header claims {header.stored_shape}, the data {samples.shape}.")
     pixels = to_floats(upright(samples, header.orientation))
     return Image(pixels, header.space, header.alpha, header.storage, header.metadata)
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 import sys
 from collections import deque
-from collections.abc import Mapping, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping
 from typing import Any, TextIO
 
 import structlog
@@ -27,8 +27,12 @@ _PLAIN = (str, int, float, type(None), list, tuple, dict)
 class AccessLog:
     """Writes to `stream`, by default standard error."""
 
-    def __init__(self, stream: TextIO | None = None) -> None:
+    def __init__(
+        self, stream: TextIO | None = None, tell: Callable[[Mapping[str, object]], None] | None = None
+    ) -> None:
+        """`tell` hears the fields of every answer, on the loop's thread."""
         self._stream = stream or sys.stderr
+        self._tell = tell
         self._gathered = _Gathered()
         self._log = structlog.wrap_logger(
             self._gathered,
@@ -43,6 +47,11 @@ class AccessLog:
 
     def answered(self, fields: Mapping[str, object]) -> None:
         self._log.info("request", **fields)
+        if self._tell is not None:
+            try:
+                self._tell(fields)
+            except Exception:
+                self.failed("figures")
 
     def failed(self, what: str, **fields: object) -> None:
         """A defect: logged with the traceback of the exception being handled."""

@@ -14,6 +14,8 @@ Rules
 - The pool thread touches the socket only in WORK; the loop then reads ahead a little but does not close it, since a
   closed descriptor's number may already belong to another client.
 - Bytes read beyond a request stay in `buffer` and are the beginning of the next one.
+- A client that closes its side while its request is computed has hung up: the work is told, and ends before its next
+  step. Only one that has sent more, or said that this request is its last, may close its side and still be answered.
 - A connection whose framing is in doubt is never used again. It is closed for writing first and read on for a moment:
   an immediate close would reset it and could destroy the answer on its way.
 """
@@ -24,32 +26,22 @@ import socket
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from enum import Enum, auto
 from functools import partial
 from typing import TYPE_CHECKING
 
 from lichen_service.http.chunked import ChunkedBody
 from lichen_service.http.exchange import Exchange, FixedBody
 from lichen_service.http.finish import choose_request_id
-from lichen_service.http.message import Admission, Head, Request, Response
+from lichen_service.http.message import CLIENT_GONE, Admission, Head, Request, Response
+from lichen_service.http.phase import Phase
 from lichen_service.http.policy import METHODS, HeadScanner, RawHead, Refusal, read_head
 from lichen_service.http.reactor import READ, WRITE
+from lichen_service.http.streaming import Streaming
 
 if TYPE_CHECKING:
     from lichen_service.http.loop import Loop
 
 _CONTINUE = b"HTTP/1.1 100 Continue\r\n\r\n"
-
-
-class Phase(Enum):
-    IDLE = auto()
-    HEAD = auto()
-    BODY = auto()
-    WORK = auto()
-    WRITE = auto()
-    DISCARD = auto()
-    LINGER = auto()
-    CLOSED = auto()
 
 
 class Connection:
@@ -84,14 +76,17 @@ class Connection:
     def close(self) -> None:
         if self.phase is Phase.CLOSED:
             return
-        self.phase = Phase.CLOSED
-        self._loop.reactor.watch(self._socket, 0, self.ready)
-        self._deadline.forget()
+        self._let_go()
         self._release_body()
         self._buffer = bytearray()
         self._exchange.out.clear()
         self._socket.close()
         self._loop.closed(self)
+
+    def _let_go(self) -> None:
+        self.phase = Phase.CLOSED
+        self._loop.reactor.watch(self._socket, 0, self.ready)
+        self._deadline.forget()
 
     def _guard(self, call: Callable[[], None]) -> None:
         """Nothing that happens to one connection may reach another."""
@@ -119,7 +114,7 @@ class Connection:
             self._watch()
             return
         if self.phase in (Phase.BODY, Phase.WRITE):
-            self._exchange.status = 499
+            self._exchange.status = CLIENT_GONE
             self._loop.log.answered(self._exchange.record())
         self.close()
 
@@ -260,7 +255,7 @@ class Connection:
     def _admit(self, head: Head, admission: Admission) -> None:
         exchange, length = self._exchange, head.length
         largest = min(admission.largest_body, self._loop.settings.max_body)
-        exchange.body_started = time.monotonic()
+        exchange.caller, exchange.body_started = admission.caller, time.monotonic()
         exchange.body = ChunkedBody(largest) if length is None else FixedBody(length)
         self.phase = Phase.BODY
         self._deadline.set(self._slowest(exchange.body_started, 0))
@@ -273,8 +268,9 @@ class Connection:
         assert isinstance(exchange.head, Head)
         assert exchange.body is not None
         exchange.queued = time.monotonic()
-        head = replace(exchange.head, deadline=exchange.queued + self._loop.settings.request_timeout)
-        request = Request(head, exchange.body.body)
+        alive = partial(self._waits, exchange.keep_alive)
+        head = replace(exchange.head, deadline=exchange.queued + exchange.head.allowed, alive=alive)
+        request = Request(head, exchange.body.body, exchange.caller)
         if not self._loop.submit(partial(self._work, request)):
             self._respond(self._loop.busy(head.request_id))
             return
@@ -309,16 +305,20 @@ class Connection:
         exchange = self._exchange
         exchange.work_started = exchange.work_ended = time.monotonic()
         try:
-            response = None if self._gone else self._loop.handle(request)
+            response = self._loop.handle(request) if request.head.alive() else None
             exchange.work_ended = time.monotonic()
             self._loop.worked()
-            if response is not None:
+            if response is not None and request.head.alive():
                 self._encode(response)
                 exchange.send(self._socket)
         except OSError:
             self._gone = True
         finally:
             self._loop.reactor.post(partial(self._guard, self._answered))
+
+    def _waits(self, keep_alive: bool) -> bool:
+        """Whether the client still waits for the request being computed; from any thread."""
+        return not self._gone and not (self._ended and keep_alive and not self._buffer)
 
     def _answered(self) -> None:
         self._release_body()
@@ -353,6 +353,10 @@ class Connection:
 
     def _finish(self) -> None:
         """The answer has left."""
+        if (stream := self._exchange.stream) is not None and not self._ended:
+            self._let_go()
+            self._loop.go_on(self, Streaming(self._loop, self._socket, self._exchange, stream))
+            return
         self._loop.log.answered(self._exchange.record())
         if not self._exchange.keep_alive:
             self._linger()
@@ -377,8 +381,7 @@ class Connection:
     def _slowest(self, start: float, count: int) -> float:
         """Until when a peer may stand still that has moved `count` bytes since `start`.
 
-        A head start buys no longer silence, since the system's own buffers take megabytes at once for a peer that then
-        stops.
+        A head start buys no longer silence: the system's own buffers take megabytes at once for a peer that then stops.
         """
         return self._loop.bounds.patience + min(start + count / self._loop.settings.body_rate, time.monotonic())
 

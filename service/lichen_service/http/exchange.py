@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import mmap
+import re
 import socket
 import time
 from dataclasses import dataclass, field
@@ -11,10 +12,13 @@ from dataclasses import dataclass, field
 from lichen_service.http.access_log import shown_query
 from lichen_service.http.chunked import ChunkedBody
 from lichen_service.http.finish import choose_request_id, finish
-from lichen_service.http.message import Body, Head, Response
+from lichen_service.http.message import Body, Head, Response, Stream
 from lichen_service.http.policy import RawHead, Refusal
 from lichen_service.http.target import BadTarget, split_target
 
+_MILLISECONDS = re.compile(r"[1-9][0-9]{0,8}")
+# W3C Trace Context: version, trace, parent, flags; neither of the two in the middle may be all zeros.
+_TRACE = re.compile(r"(?!ff)[0-9a-f]{2}-(?!0{32})([0-9a-f]{32})-(?!0{16})([0-9a-f]{16})-[0-9a-f]{2}")
 _OWN_PAGES = 256 * 1024
 
 
@@ -61,6 +65,8 @@ class Exchange:
     keep_alive: bool = False
     waits_for_continue: bool = False
     started: float = field(default_factory=time.monotonic)
+    caller: object = None
+    """who asks, as the routes said"""
     body: FixedBody | ChunkedBody | None = None
     body_started: float = 0.0
     received: int = 0
@@ -74,13 +80,14 @@ class Exchange:
     work_ended: float = 0.0
     status: int = 0
     out: list[memoryview] = field(default_factory=list)
+    stream: Stream | None = None
     write_started: float = 0.0
     sent: int = 0
     fields: dict[str, object] = field(default_factory=dict)
 
     @classmethod
     def opened(cls, opening: RawHead, peer: str, request_timeout: float) -> Exchange:
-        """The exchange that a sound head begins; its `head` is a refusal where the target does not decode."""
+        """The exchange that a sound head begins; its `head` is a refusal where target or time do not decode."""
         fields: dict[str, str] = {}
         for name, value in opening.fields:
             joint = "; " if name == "cookie" else ", "
@@ -92,14 +99,25 @@ class Exchange:
         except BadTarget as bad:
             exchange.head = Refusal(400, "malformed-target", str(bad))
             return exchange
+        allowed = request_timeout
+        if (asked := fields.get("request-timeout")) is not None:
+            if not _MILLISECONDS.fullmatch(asked):
+                exchange.head = Refusal(
+                    400, "malformed-timeout", "Request-Timeout is not a positive whole number of milliseconds"
+                )
+                return exchange
+            allowed = min(allowed, int(asked) / 1000)
         now = exchange.started
-        head = Head(opening.method, path, query, fields, request_id, now, now + request_timeout, peer)
+        head = Head(opening.method, path, query, fields, request_id, now, now + allowed, peer, allowed)
         exchange.head = head
         exchange.waits_for_continue = opening.expects_continue and head.length != 0
         return exchange
 
     def answer(self, response: Response) -> None:
         """Make the answer ready to send; raises `BadResponse` where it must not leave."""
+        if response.stream is not None:
+            self.keep_alive = False
+            self.stream = None if self.method == "HEAD" else response.stream
         wire = finish(response, request_id=self.request_id, method=self.method, keep_alive=self.keep_alive)
         self.out = [_flat(part) for part in (wire.head, wire.body) if memoryview(part).nbytes]
         self.status = response.status
@@ -136,6 +154,8 @@ class Exchange:
         }
         if query:
             line["query"] = shown_query(query)
+        if isinstance(self.head, Head) and (trace := _TRACE.fullmatch(self.head.headers.get("traceparent", ""))):
+            line |= {"trace_id": trace[1], "parent_id": trace[2]}
         if self.work_started:
             line["queue_ms"] = _milliseconds(self.queued, self.work_started)
             line["work_ms"] = _milliseconds(self.work_started, self.work_ended)

@@ -63,7 +63,9 @@ def finish(response: Response, *, request_id: str, method: str, keep_alive: bool
     if required is not None and required not in names:
         raise BadResponse(f"{status} requires the header {required}")
     bodiless = status in (204, 304)
-    if not bodiless:
+    if response.stream is not None:
+        keep_alive = False  # the end of the connection is that of the body
+    elif not bodiless:
         headers["Content-Length"] = str(memoryview(response.body).nbytes)
     headers["Connection"] = "keep-alive" if keep_alive else "close"
     lines = [f"HTTP/1.1 {status} {_PHRASES.get(status, '')}"]

@@ -23,6 +23,7 @@ from lichen_service.http.message import Admission, Application, Head, Request, R
 from lichen_service.http.policy import Refusal
 from lichen_service.http.pool import Pool
 from lichen_service.http.reactor import READ, Reactor
+from lichen_service.http.streaming import Streaming
 from lichen_service.problems import problem
 
 _OUT_OF_MEANS = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
@@ -47,7 +48,7 @@ class Loop:
     ) -> None:
         self.settings = settings
         self.bounds = bounds or Bounds()
-        self.log = log or AccessLog()
+        self.log = log or AccessLog(tell=getattr(application, "answered", None))
         self.reactor = Reactor()
         self.reactor.after_round = self.log.flush
         self.scratch = memoryview(bytearray(self.bounds.read_size))
@@ -58,7 +59,7 @@ class Loop:
         self._pool = Pool(settings.threads)
         self.in_flight = 0
         self._counting = threading.Lock()
-        self._connections: set[Connection] = set()
+        self._connections: set[Connection | Streaming] = set()
         self._listener = listener
         self._listener.setblocking(False)
         self._listening = self.reactor.deadline(self._listen)
@@ -87,7 +88,15 @@ class Loop:
 
     # What connections ask for
 
-    def closed(self, connection: Connection) -> None:
+    def go_on(self, connection: Connection, streaming: Streaming) -> None:
+        """An answer that goes on takes the place of the connection whose head it began with."""
+        self._connections.discard(connection)
+        self._connections.add(streaming)
+        streaming.open()
+        if self.draining:
+            streaming.drain()
+
+    def closed(self, connection: Connection | Streaming) -> None:
         self._connections.discard(connection)
         if self.draining and not self._connections:
             self.reactor.stop()

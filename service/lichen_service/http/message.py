@@ -6,11 +6,23 @@ so routes are tested without a socket and the wire without an image.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
+
+CLIENT_GONE = 499
+"""The status, for the log alone, of a request whose client has hung up."""
 
 Body = bytes | bytearray | memoryview
+
+
+def _always() -> bool:
+    return True
+
+
+def _nobody(_stage: str) -> None:
+    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +42,12 @@ class Head:
     deadline: float
     """`time.monotonic()` by which the answer must be ready"""
     peer: str = ""
+    allowed: float = math.inf
+    """seconds from the moment the whole request is here until `deadline`"""
+    alive: Callable[[], bool] = _always
+    """whether anybody still waits for the answer; from any thread"""
+    began: Callable[[str], None] = _nobody
+    """is told the name of each stage of the work as it begins"""
 
     @property
     def length(self) -> int | None:
@@ -43,6 +61,18 @@ class Head:
 class Request:
     head: Head
     body: Body
+    caller: Any = None
+    """what the routes' admission said of who asks; the wire only hands it on"""
+
+
+class Stream(Protocol):
+    """A source of bytes that come when they come."""
+
+    def open(self, send: Callable[[bytes], None], end: Callable[[], None]) -> None:
+        """Called once when the head has left; both may be called from any thread, also during this call."""
+
+    def close(self) -> None:
+        """The client has gone, or the stream has ended; nothing that is sent now will arrive."""
 
 
 @dataclass(slots=True)
@@ -52,6 +82,8 @@ class Response:
     headers: dict[str, str] = field(default_factory=dict)
     log: dict[str, object] = field(default_factory=dict)
     """fields for the access log that only the route knows: operation, pixels, method, device, queue and work time"""
+    stream: Stream | None = None
+    """what goes on after the head, instead of a body, until it ends with the connection"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +92,8 @@ class Admission:
 
     largest_body: int
     """bytes; more than this is refused with 413 while it arrives"""
+    caller: Any = None
+    """who asks, as the routes know it; it comes back in `Request`"""
 
 
 class Application(Protocol):

@@ -37,8 +37,8 @@ METHODS = ("GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH", "QUERY")
 # smuggled.
 _SINGLE = frozenset(
     b"authorization content-length content-type content-encoding content-range date expect host idempotency-key "
-    b"if-modified-since if-range if-unmodified-since max-forwards range referer transfer-encoding user-agent "
-    b"x-request-id".split()
+    b"if-modified-since if-range if-unmodified-since max-forwards range referer request-timeout transfer-encoding "
+    b"user-agent x-request-id".split()
 )
 # Fields that frame, route, authorise or describe the message: too late at its end (RFC 9110 section 6.5.1).
 _NOT_IN_TRAILERS = _SINGLE | frozenset(

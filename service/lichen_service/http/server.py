@@ -15,6 +15,7 @@ Rules
 from __future__ import annotations
 
 import contextlib
+import errno
 import math
 import os
 import pickle
@@ -30,6 +31,8 @@ from dataclasses import dataclass, field
 from lichen_service.http.limits import WireSettings
 
 BACKLOG = 2048
+UNIX = "unix:"
+"""How a host begins that is a path in the file system."""
 FIRST_PAUSE = 0.1
 LONGEST_PAUSE = 5.0
 """seconds between a worker's death and its replacement"""
@@ -48,14 +51,17 @@ def serve(make_application: str, settings: WireSettings) -> int:
     try:
         listener = bind(settings.host, settings.port)
     except OSError as error:
-        print(f"Lichen cannot listen on {settings.host}:{settings.port}: {error.strerror or error}", file=sys.stderr)
+        where = settings.host if settings.host.startswith(UNIX) else f"{settings.host}:{settings.port}"
+        print(f"Lichen cannot listen on {where}: {error.strerror or error}", file=sys.stderr)
         return 1
     with listener:
         return Supervisor(listener, make_application, settings).run()
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """A listening socket at the first address that `host` resolves to."""
+    """A listening socket at the first address that `host` resolves to, or at the path of `unix:PATH`."""
+    if host.startswith(UNIX):
+        return _bind_unix(host.removeprefix(UNIX))
     family, kind, protocol, _, address = socket.getaddrinfo(
         host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
     )[0]
@@ -63,6 +69,31 @@ def bind(host: str, port: int) -> socket.socket:
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(address)
+        listener.listen(BACKLOG)
+    except OSError:
+        listener.close()
+        raise
+    return listener
+
+
+def _bind_unix(path: str) -> socket.socket:
+    """A socket in the file system, for its owner and group. One that nobody listens on any more is replaced."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+            try:
+                probe.connect(path)
+            except FileNotFoundError:
+                pass
+            except ConnectionRefusedError:
+                os.unlink(path)
+            else:
+                raise OSError(errno.EADDRINUSE, os.strerror(errno.EADDRINUSE))
+        before = os.umask(0o117)
+        try:
+            listener.bind(path)
+        finally:
+            os.umask(before)
         listener.listen(BACKLOG)
     except OSError:
         listener.close()
@@ -225,5 +256,7 @@ class Supervisor:
         return None if soonest == math.inf else max(0.0, soonest - time.monotonic())
 
     def _url(self) -> str:
+        if self._listener.family == socket.AF_UNIX:
+            return f"{UNIX}{self._listener.getsockname()}"
         host, port = self._listener.getsockname()[:2]
         return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"

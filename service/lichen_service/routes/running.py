@@ -1,6 +1,7 @@
 """POST, QUERY and GET on an operation: images in, its result out, with an account of how it was made.
 
-GET runs operations that need no image, where the query asks for something; otherwise it describes the operation. An
+GET runs an operation where the query names all images it needs among the stored ones, or it needs none and the query
+asks for something; otherwise it describes the operation. An
 operation that reports findings gives them as JSON where `Accept` prefers that, and beside the picture in a form of
 several parts.
 
@@ -21,18 +22,22 @@ from typing import Any
 from lichen import catalogue, engine
 from lichen.engine import Result
 from lichen.errors import Flaw, InvalidRequest, LichenError
-from lichen.files import Encoded, Limits, decode, encode, probe
+from lichen.files import Encoded, Limits, encode, probe
 from lichen.image import Image
 from lichen.operation import Facts, Operation
 from lichen.order import read_order
 from lichen_service import mixed, queries, uploads
+from lichen_service.assets import Assets
+from lichen_service.decoding.pool import Decoders
 from lichen_service.documents import canonical, content_digest, matches, momentary
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
 from lichen_service.http.message import Body, Request, Response
+from lichen_service.memory import reserve, to_decode, to_run
 from lichen_service.negotiation import prefers
 from lichen_service.queries import Query
 from lichen_service.refusals import relocated
-from lichen_service.reports import report
+from lichen_service.reports import SKIPPING, report
+from lichen_service.routes.assets import resolve
 from lichen_service.routes.system import versions
 from lichen_service.settings import Settings
 from lichen_service.stages import Stages
@@ -40,11 +45,15 @@ from lichen_service.uploads import Upload
 
 Uploads = Mapping[str, Upload]
 JSON = "application/json"
+FORESEEN = 1 << 16
+"""Samples of the inputs from which a run is predicted first, so that one which takes too long does not begin."""
 
 
 class Running:
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, assets: Assets, decoders: Decoders) -> None:
         self._settings = settings
+        self._decoders = decoders
+        self._assets = assets
         self._limits = Limits(
             pixels=settings.max_pixels,
             side=settings.max_side,
@@ -64,12 +73,17 @@ class Running:
             images = self._decode(given)
         with relocated():
             facts = _expected(operation, query, images)
+            reserve(to_run(facts))
             accept, origin = request.head.headers.get("accept"), _origin(operation, given, images)
             shape = _shape(operation, query, accept)
             if shape is not Shape.PICTURE:
                 accept = mixed.of_the_result(accept) if shape is Shape.PARTS else None
             delivery = agree(query.options, accept, facts, origin)
             return self._answer(request, operation, query, images, delivery, shape, digests, stages)
+
+    def check(self, request: Request, name: str) -> None:
+        """Raises all that can be seen to be wrong with a run before anything is decoded."""
+        self._read(catalogue.operation(name), request)
 
     def _answer(
         self,
@@ -84,14 +98,16 @@ class Running:
     ) -> Response:
         head, options = request.head, query.options
         first, arguments = _arguments(operation, query, images, delivery)
-        if options.explain or ("if-none-match" in head.headers and not options.verify):
+        asks_for_news = "if-none-match" in head.headers and not options.verify
+        large = not images or sum(image.pixels.size for image in images.values()) >= FORESEEN
+        if options.explain or asks_for_news or large:
             with stages.stage("plan"):
                 plan = engine.explain(operation.name, first, **arguments)
             if options.explain:
                 return _plan_document(plan.to_json(), delivery, stages)
-            tag = _entity_tag(digests.result(), plan.digest, delivery, shape)
-            if matches(head, tag):
+            if asks_for_news and matches(head, tag := _entity_tag(digests.result(), plan.digest, delivery, shape)):
                 return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
+            stages.afford(plan.seconds)
         with stages.stage("run"):
             result = engine.run(operation.name, first, **arguments)
         stages.split("run", result.timing)
@@ -120,10 +136,14 @@ class Running:
         names = [each.name for each in operation.inputs]
         given, wrong = uploads.read(request.head, request.body, names, readable(), self._settings.max_images)
         flaws += wrong
+        stored, missing = resolve(self._assets, query.assets)
+        flaws += missing
+        flaws += [Flaw(f"/inputs/{each}", "is given more than once") for each in stored if each in given]
+        given |= stored
         flaws += [
             Flaw(f"/inputs/{each.name}", "is required and was not sent")
             for each in operation.inputs
-            if each.required and each.name not in given
+            if each.required and each.name not in given and each.name not in query.assets
         ]
         if flaws:
             flaws += [flaw for name, upload in given.items() for flaw in self._flaws_of_header(name, upload)]
@@ -144,7 +164,10 @@ class Running:
         failed: dict[str, LichenError] = {}
         for name, upload in given.items():
             try:
-                images[name] = decode(upload.data, limits=self._limits, media_type=upload.media_type)
+                header = probe(upload.data)
+                header.check(self._limits)
+                reserve(to_decode(header))
+                images[name] = self._decoders.decode(upload.data, limits=self._limits, media_type=upload.media_type)
             except LichenError as error:
                 failed[name] = error
         if failed:
@@ -255,7 +278,8 @@ def _log(operation: Operation[Any], images: Mapping[str, Image], result: Result,
     return {
         "operation": operation.name,
         "pixels": sum(image.height * image.width for image in images.values()),
-        "method": result.method,
+        "method_used": result.method,
         "device": result.device,
+        "skipped": sum(each.action in SKIPPING for each in result.decisions),
         "stages_ms": {name: round(seconds * 1e3, 3) for name, seconds in stages.seconds.items()},
     }

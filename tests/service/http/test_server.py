@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
+import stat
 import subprocess
 import sys
 import time
@@ -13,6 +15,8 @@ from pathlib import Path
 
 import pytest
 from wire_harness import PATIENCE, Client, get, post
+
+from lichen_service.http.server import bind
 
 MAIN = """
 import sys
@@ -101,6 +105,19 @@ def until_gone(pid: int) -> None:
             return
         assert time.monotonic() < end
         time.sleep(0.01)
+
+
+def test_a_socket_in_the_file_system(tmp_path: Path) -> None:
+    path = tmp_path / "socket"
+    with bind(f"unix:{path}", 0) as listener:
+        assert stat.S_IMODE(path.stat().st_mode) == 0o660
+        with socket.socket(socket.AF_UNIX) as client:
+            client.connect(str(path))
+        with pytest.raises(OSError, match="in use"):
+            bind(f"unix:{path}", 0)
+        assert listener.family == socket.AF_UNIX
+    with bind(f"unix:{path}", 0), socket.socket(socket.AF_UNIX) as client:  # nobody listened there any more
+        client.connect(str(path))
 
 
 def test_sigterm_drains_what_is_in_flight(start: Callable[..., Service]) -> None:

@@ -8,6 +8,7 @@ import os
 import socket
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from lichen_service.http.access_log import AccessLog
@@ -34,6 +35,24 @@ class WireConfig:
     max_body: int = 1 << 26
 
 
+class Source:
+    """Something to stream, driven by the test."""
+
+    def __init__(self) -> None:
+        self.opened = threading.Event()
+        self.closed = threading.Event()
+        self.send: Callable[[bytes], None] = lambda _: None
+        self.end: Callable[[], None] = lambda: None
+
+    def open(self, send: Callable[[bytes], None], end: Callable[[], None]) -> None:
+        self.send, self.end = send, end
+        send(b"first")
+        self.opened.set()
+
+    def close(self) -> None:
+        self.closed.set()
+
+
 class Toy:
     """Answers by path; remembers what reached it."""
 
@@ -42,6 +61,7 @@ class Toy:
         self.waiting = threading.Semaphore(0)
         """released once for each request that has begun to wait"""
         self.gate = threading.Event()
+        self.source = Source()
 
     def admit(self, head: Head) -> Admission | Response:
         if head.path == "/defective-admit":
@@ -61,6 +81,8 @@ class Toy:
                 self.gate.wait(PATIENCE)
             case "/sleep":
                 time.sleep(float(dict(head.query)["seconds"]))
+            case "/stream":
+                return Response(200, headers={"Content-Type": "text/event-stream"}, stream=self.source)
             case "/die":
                 os._exit(9)
             case "/many":

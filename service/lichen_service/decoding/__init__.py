@@ -1,0 +1,1 @@
+"""Decoding what strangers sent, in processes that may die of it."""

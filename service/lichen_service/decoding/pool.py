@@ -1,0 +1,211 @@
+"""A few decoders that stand ready, each used by one request at a time.
+
+Whatever happens to a decoder costs the request that it happened to, and nothing else: its socket ends, the request is
+answered that its image cannot be decoded, and a new decoder starts beside the others. A decoder that takes too
+long is killed. After `USES` images each is replaced, so that what a codec leaks stays bounded.
+
+NPY is decoded here: our own reader parses its header, and the rest is a copy of checked length.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import structlog
+
+from lichen.errors import UnreadableImage
+from lichen.files import Data, Limits, assembled, decode, recognise
+from lichen.image import Image
+from lichen.memory import Array
+from lichen_service.decoding import messages
+from lichen_service.refusals import RETRY_AFTER, Refusal
+
+log = structlog.get_logger("lichen_service")
+
+USES = 2000
+STARTING = 60.0
+"""Seconds that a decoder may take until it stands ready."""
+HERE = frozenset(("npy",))
+"""Formats that are decoded in this process."""
+# Threads of codecs would only compete with those of other requests; and a decoder computes nothing.
+_ENVIRONMENT = {"OPENCV_FOR_THREADS_NUM": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"}
+
+
+class Died(Exception):
+    """The decoder ended, or was ended, before it answered."""
+
+
+@dataclass(eq=False)
+class Decoder:
+    process: subprocess.Popen[bytes]
+    socket: socket.socket
+    uses: int = 0
+
+    def ask(self, data: Data, asked: Mapping[str, Any], seconds: float) -> Array:
+        """Raises `Died`, or what the decoder found wrong."""
+        self.uses += 1
+        given = messages.shared(memoryview(data).cast("B"), "image")
+        try:
+            self.socket.settimeout(max(seconds, 0.001))
+            socket.send_fds(self.socket, [messages.dumps(asked)], [given])
+            packet, descriptors, _, _ = socket.recv_fds(self.socket, messages.LARGEST, 1)
+        except OSError as failure:
+            raise Died(str(failure)) from None
+        finally:
+            os.close(given)
+        try:
+            if not packet:
+                raise Died("its end of the socket closed")
+            said = json.loads(packet)
+            if "error" in said:
+                raise messages.error_of(said)
+            memory = messages.mapped(descriptors[0])
+        finally:
+            for each in descriptors:
+                os.close(each)
+        return messages.samples_of(said, memory)
+
+    def end(self) -> None:
+        self.socket.close()
+        self.process.kill()
+        self.process.wait()
+
+
+class Decoders:
+    """The pool; with `count` 0 everything is decoded in this process."""
+
+    def __init__(self, count: int, memory: int, seconds: float, *, module: str = "lichen_service.decoding.child"):
+        self._count = count
+        self._memory = memory
+        self._seconds = seconds
+        self._module = module
+        self._ready: queue.SimpleQueue[Decoder] = queue.SimpleQueue()
+        self._lock = threading.Lock()
+        self._all: set[Decoder] = set()
+        self._starting = 0
+        self._ended = False
+        self.died = 0
+        """decoders that ended before they had answered"""
+        self.on_death: Callable[[], None] = lambda: None
+
+    def start(self) -> None:
+        """Lets the pool fill in the background."""
+        with self._lock:
+            missing = 0 if self._ended else self._count - len(self._all) - self._starting
+            self._starting += missing
+        for _ in range(missing):
+            threading.Thread(target=self._start, name="decoder", daemon=True).start()
+
+    def decode(self, data: Data, *, limits: Limits, media_type: str | None = None) -> Image:
+        """As `lichen.files.decode`. A decoder that dies of the image makes it an `UnreadableImage`; the 503 refusal
+        says that none stood ready in time."""
+        format = recognise(data, media_type=media_type)
+        if not self._count or format.name in HERE:
+            return decode(data, limits=limits, media_type=media_type)
+        header = format.read_header(memoryview(data).cast("B"))
+        header.check(limits)
+        deadline = time.monotonic() + self._seconds
+        decoder = self._take(deadline)
+        asked = {"seconds": self._seconds}
+        whole = False
+        try:
+            samples = decoder.ask(data, asked, deadline - time.monotonic())
+            whole = True
+        except Died as died:
+            self.died += 1
+            self.on_death()
+            log.error("a decoder ended on an image", reason=str(died), status=decoder.process.poll())
+            raise UnreadableImage("The image cannot be decoded: what decodes it failed, or took too long.") from None
+        except Exception:
+            whole = True
+            raise
+        finally:
+            self._give_back(decoder, whole)
+        return assembled(header, samples)
+
+    def end(self) -> None:
+        """Ends all decoders."""
+        with self._lock:
+            self._ended = True
+            decoders, self._all = self._all, set()
+        for each in decoders:
+            each.end()
+
+    @property
+    def standing(self) -> int:
+        return len(self._all)
+
+    def _take(self, deadline: float) -> Decoder:
+        while True:
+            self.start()
+            try:
+                decoder = self._ready.get(timeout=max(0.0, min(deadline - time.monotonic(), STARTING)))
+            except queue.Empty:
+                raise Refusal(
+                    503,
+                    "overloaded",
+                    "The service is busy",
+                    "No decoder became free in time.",
+                    headers={"Retry-After": RETRY_AFTER},
+                    retryable=True,
+                ) from None
+            if decoder.process.poll() is None:
+                return decoder
+            self._drop(decoder)  # it was killed while it stood idle
+
+    def _give_back(self, decoder: Decoder, whole: bool) -> None:
+        if whole and decoder.uses < USES and not self._ended:
+            self._ready.put(decoder)
+            return
+        self._drop(decoder)
+        self.start()
+
+    def _drop(self, decoder: Decoder) -> None:
+        with self._lock:
+            self._all.discard(decoder)
+        decoder.end()
+
+    def _start(self) -> None:
+        decoder = None
+        try:
+            decoder = self._spawn()
+            decoder.socket.settimeout(STARTING)
+            if not decoder.socket.recv(messages.LARGEST):
+                raise Died("it did not begin")
+        except (OSError, Died) as failure:
+            log.error("a decoder could not be started", reason=str(failure))
+            if decoder is not None:
+                decoder.end()
+            decoder = None
+            time.sleep(1.0)
+        with self._lock:
+            self._starting -= 1
+            if decoder is not None and not self._ended:
+                self._all.add(decoder)
+        if decoder is not None:
+            if self._ended:
+                decoder.end()
+            else:
+                self._ready.put(decoder)
+
+    def _spawn(self) -> Decoder:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            process = subprocess.Popen(
+                [sys.executable, "-m", self._module, str(theirs.fileno()), str(self._memory)],
+                pass_fds=(theirs.fileno(),),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                env={**os.environ, **_ENVIRONMENT},
+            )
+        return Decoder(process, ours)

@@ -1,0 +1,25 @@
+"""The service in the foreground: from a command line to the supervisor that keeps its workers alive."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Sequence
+
+from lichen_service import configuration
+from lichen_service.access.guard import must_not_listen
+from lichen_service.http import server
+from lichen_service.settings import FIGURES, SHARED
+
+
+def main(arguments: Sequence[str] | None = None, prog: str = "python -m lichen_service") -> int:
+    """Serves until told to end; returns the exit status of the process."""
+    settings = configuration.from_command_line(arguments, prog).settings
+    if (reason := must_not_listen(settings)) is not None:
+        print(f"Lichen does not listen: {reason}.", file=sys.stderr)
+        return 2
+    with tempfile.TemporaryDirectory(prefix="lichen-") as shared:
+        # Workers are started afresh and read the same settings from their environment.
+        os.environ.update(settings.environment() | {SHARED: shared, FIGURES: shared})
+        return server.serve("lichen_service.app:create_application", settings)

@@ -1,0 +1,201 @@
+"""Decoders: they give what decoding here gives, and what kills one costs the request that brought it, nothing else."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lichen.errors import LichenError, TooLarge, UnreadableImage
+from lichen.files import FORMATS, Limits, decode, encode
+from lichen.image import Alpha, Image, Space, Storage
+from lichen_service.app import Service
+from lichen_service.decoding.pool import Decoders
+from lichen_service.settings import Settings
+
+from ..conftest import Caller, picture, problem_of
+
+PATIENCE = 120.0
+LIMITS = Limits()
+
+
+def until(holds: Callable[[], bool]) -> None:
+    ends = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < ends, "it did not happen"
+        time.sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[Decoders]:
+    decoders = Decoders(1, 1 << 30, PATIENCE)
+    yield decoders
+    decoders.end()
+
+
+def files() -> Iterator[tuple[str, bytes]]:
+    for format in FORMATS.values():
+        for storage in format.storages:
+            for channels in (1, 3, 4):
+                pixels = picture(9, 7, channels).pixels
+                alpha = Alpha.NONE if channels != 4 else format.association or Alpha.ASSOCIATED
+                image = Image(pixels, format.natural_space(storage), alpha, storage)
+                try:
+                    yield f"{format.name}-{storage}-{channels}", bytes(encode(image, format.name, storage=storage).data)
+                except LichenError:
+                    continue  # the format does not hold this many channels
+
+
+@pytest.mark.parametrize(("data"), [data for _, data in files()], ids=[name for name, _ in files()])
+def test_a_decoder_gives_what_decoding_here_gives(pool: Decoders, data: bytes) -> None:
+    here, there = decode(data), pool.decode(data, limits=LIMITS)
+    assert there.pixels.dtype == here.pixels.dtype
+    assert np.array_equal(there.pixels, here.pixels)
+    assert (there.space, there.alpha, there.storage, there.metadata) == (
+        here.space,
+        here.alpha,
+        here.storage,
+        here.metadata,
+    )
+
+
+def test_flaws_come_back_as_they_are(pool: Decoders, png: bytes) -> None:
+    with pytest.raises(TooLarge) as large:
+        pool.decode(png, limits=Limits(pixels=10))
+    assert (large.value.limit, large.value.actual) == (10, 16 * 12)
+    for broken in (png[:-30], png[:60] + bytes(len(png) - 60), png[:20]):
+        with pytest.raises(UnreadableImage) as found:
+            pool.decode(broken, limits=LIMITS)
+        with pytest.raises(UnreadableImage) as expected:
+            decode(broken, limits=LIMITS)
+        assert found.value.detail == expected.value.detail
+    assert pool.died == 0
+
+
+def test_npy_needs_no_decoder() -> None:
+    pool = Decoders(1, 1 << 30, PATIENCE)
+    data = encode(Image(picture().pixels, Space.DATA, storage=Storage.FLOAT32), "npy").data
+    assert np.array_equal(pool.decode(data, limits=LIMITS).pixels, picture().pixels)
+    assert pool.standing == 0
+
+
+def test_an_idle_decoder_that_was_killed_is_replaced(pool: Decoders, png: bytes) -> None:
+    pool.decode(png, limits=LIMITS)
+    (decoder,) = pool._all
+    os.kill(decoder.process.pid, signal.SIGKILL)
+    until(lambda: decoder.process.poll() is not None)
+    assert pool.decode(png, limits=LIMITS).width == 16
+    assert pool.died == 0
+
+
+CRASHING = """
+import os, sys, time
+from lichen_service.decoding import child
+decode = child._decode
+def dangerous(asked, descriptor):
+    data = os.pread(descriptor, 1 << 20, 0)
+    if b"abort" in data:
+        os.abort()
+    if b"spin" in data:
+        child._allow(0.0)
+        while True:
+            pass
+    if b"sleep" in data:
+        time.sleep(600)
+    if b"lie" in data:
+        return {"shape": [1 << 20, 1 << 20, 3], "dtype": "|u1"}, os.dup(descriptor)
+    if b"object" in data:
+        return {"shape": [1, 1, 1], "dtype": "|O"}, os.dup(descriptor)
+    return decode(asked, descriptor)
+child._decode = dangerous
+sys.exit(child.main(*map(int, sys.argv[1:])))
+"""
+
+
+@pytest.fixture
+def crashing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[float], Decoders]]:
+    (tmp_path / "crashing.py").write_text(CRASHING)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    made: list[Decoders] = []
+
+    def make(seconds: float = PATIENCE) -> Decoders:
+        made.append(Decoders(1, 1 << 30, seconds, module="crashing"))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.end()
+
+
+def test_what_kills_a_decoder_costs_one_image(crashing: Callable[..., Decoders], png: bytes) -> None:
+    pool = crashing()
+    for at, poison in enumerate((b"abort", b"spin"), start=1):
+        with pytest.raises(UnreadableImage):
+            pool.decode(png + poison, limits=LIMITS)
+        assert pool.died == at
+        assert pool.decode(png, limits=LIMITS).width == 16
+    for poison in (b"lie", b"object"):
+        with pytest.raises(UnreadableImage, match="promised"):
+            pool.decode(png + poison, limits=LIMITS)
+    assert pool.decode(png, limits=LIMITS).width == 16
+
+
+def test_what_takes_too_long_is_ended(crashing: Callable[..., Decoders], png: bytes) -> None:
+    pool = crashing(1.0)
+    pool.start()
+    until(lambda: pool.standing == 1)
+    with pytest.raises(UnreadableImage, match="too long"):
+        pool.decode(png + b"sleep", limits=LIMITS)
+    until(lambda: pool.standing == 1)
+
+
+def test_a_decoder_may_not_take_more_memory_than_it_is_given() -> None:
+    data = bytes(encode(picture(1500, 1500), "png").data)
+    small = Decoders(1, 4 << 20, PATIENCE)
+    try:
+        with pytest.raises(LichenError) as refused:
+            small.decode(data, limits=LIMITS)
+        assert isinstance(refused.value, TooLarge | UnreadableImage)
+        tiny = bytes(encode(picture(8, 8), "png").data)
+        assert small.decode(tiny, limits=LIMITS).width == 8
+    finally:
+        small.end()
+
+
+def test_a_request_whose_image_kills_a_decoder_is_a_422(
+    crashing: Callable[..., Decoders], tmp_path: Path, settings: Settings, png: bytes
+) -> None:
+    chosen = replace(settings, data=str(tmp_path))
+    service = Service(chosen)
+    service.decoders = service._running._decoders = crashing()
+    call = Caller(service, chosen)
+    blur = "/v1/operations/gaussian?sigma=1&device=numpy"
+    problem = problem_of(call("POST", blur, png + b"abort"), 422, "unreadable-image")
+    assert problem["errors"][0]["pointer"] == "/inputs/image"
+    assert call("POST", blur, png).status == 200
+
+
+def test_decoders_are_replaced_after_many_images(png: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lichen_service.decoding.pool.USES", 2)
+    pool = Decoders(1, 1 << 30, PATIENCE)
+    try:
+        for _ in range(2):
+            pool.decode(png, limits=LIMITS)
+        assert pool.died == 0
+        until(lambda: {each.uses for each in pool._all} == {0})
+    finally:
+        pool.end()
+
+
+def test_decoders_that_do_not_start_are_a_refusal(png: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    pool = Decoders(1, 1 << 30, 0.3, module="lichen_service.no_such_module")
+    with pytest.raises(Exception, match="No decoder became free") as refused:
+        pool.decode(png, limits=LIMITS)
+    assert refused.value.status == 503  # type: ignore[attr-defined]
+    pool.end()

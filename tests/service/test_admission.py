@@ -1,0 +1,95 @@
+"""What is refused before it is computed: what does not fit into memory, what takes too long, what nobody awaits."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from lichen.files import encode
+from lichen.image import Storage
+from lichen_service.app import Service
+from lichen_service.http.message import CLIENT_GONE, Head, Request, Response
+from lichen_service.memory import Memory, reserve
+from lichen_service.refusals import Refusal
+from lichen_service.settings import Settings
+
+from .conftest import Caller, picture, problem_of
+
+BLUR = "/v1/operations/gaussian?sigma=2&device=numpy"
+
+
+def test_memory_is_given_back_and_never_overdrawn() -> None:
+    memory = Memory(100)
+    with memory.request():
+        reserve(60)
+        reserve(40)
+        with pytest.raises(Refusal) as never:
+            reserve(1)
+        assert (never.value.status, never.value.limit, never.value.actual) == (413, 100, 101)
+        assert memory.held == 100
+    assert memory.held == 0
+
+
+def test_who_does_not_fit_beside_others_may_come_back() -> None:
+    memory, refused = Memory(100), []
+
+    def other() -> None:
+        with memory.request():
+            try:
+                reserve(50)
+            except Refusal as refusal:
+                refused.append(refusal)
+
+    with memory.request():
+        reserve(60)
+        thread = threading.Thread(target=other)
+        thread.start()
+        thread.join()
+    (refusal,) = refused
+    assert (refusal.status, refusal.retryable, refusal.headers["Retry-After"]) == (503, True, "1")
+    assert memory.held == 0
+
+
+def test_a_request_that_needs_more_memory_than_there_is_is_refused(settings: Settings, tmp_path: Path) -> None:
+    chosen = replace(settings, data=str(tmp_path), memory=1 << 20, workers=1)
+    call = Caller(Service(chosen), chosen)
+    small, large = (bytes(encode(picture(side, side), "png").data) for side in (16, 300))
+    assert call("POST", BLUR, small).status == 200
+    problem = problem_of(call("POST", BLUR, large), 413, "too-large")
+    assert problem["limit"] == 1 << 20
+    assert problem["actual"] >= 300 * 300 * 3 * 4
+    assert call.service.memory.held == 0
+
+
+def test_the_memory_of_a_request_is_free_after_its_answer(call: Caller, png: bytes) -> None:
+    assert call("POST", BLUR, png).status == 200
+    problem_of(call("POST", BLUR, png[:60]), 422, "unreadable-image")
+    assert call.service.memory.held == 0
+
+
+def test_what_would_take_far_too_long_is_not_begun(call: Caller, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lichen.planning.plan.Plan.seconds", property(lambda plan: 1e6))
+    body = bytes(encode(picture(200, 200, storage=Storage.UINT8), "npy").data)
+    problem = problem_of(call("POST", BLUR, body), 422, "too-costly")
+    assert problem["actual"] == 1e6
+    assert 0 < problem["limit"] <= call.settings.request_timeout
+
+
+def test_work_ends_before_the_next_stage_when_nobody_waits(service: Service, png: bytes) -> None:
+    began: list[str] = []
+
+    def answer(stop_at: str) -> Response:
+        began.clear()
+        head = Head("POST", "/v1/operations/gaussian", (("sigma", "2"),), {}, "test-request", 0.0, float("inf"))
+        return service.handle(
+            Request(replace(head, alive=lambda: stop_at not in began, began=began.append, allowed=60.0), png)
+        )
+
+    for stop_at in ("decode", "run", "encode"):
+        assert answer(stop_at).status == CLIENT_GONE
+        assert began[-1] == stop_at
+    assert answer("nothing").status == 200
+    assert began[-1] == "digest"
