@@ -17,6 +17,7 @@ from lichen import catalogue
 from lichen.errors import LichenError
 from lichen.files import encode
 from lichen_service import logs
+from lichen_service.cache import Answers
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.descriptions import path_of
 from lichen_service.documents import canonical
@@ -26,11 +27,13 @@ from lichen_service.readiness import Readiness, example
 from lichen_service.refusals import Refusal, internal, refusal_of
 from lichen_service.routes.accuracy import Accuracy
 from lichen_service.routes.catalogue import Catalogue
+from lichen_service.routes.pipelines import PATH as PIPELINES
+from lichen_service.routes.pipelines import Pipelines
 from lichen_service.routes.running import Running
 from lichen_service.routes.system import System
 from lichen_service.routing import Route, find
 from lichen_service.settings import Settings
-from lichen_service.uploads import check_type
+from lichen_service.uploads import JSON, check_type
 
 log = structlog.get_logger("lichen_service")
 
@@ -46,14 +49,16 @@ class Service:
         self.readiness = Readiness(self._canary)
         self.traffic = Traffic()
         self.calibrating = Calibrating(self.readiness, self.traffic)
-        self._running = Running(settings)
+        self.answers = Answers(settings.cache)
+        self._running = Running(settings, self.answers)
         self._described = described = Catalogue(settings)
         system, accuracy = System(settings, self.readiness), Accuracy()
-        run = self._running.run
+        run, pipeline = self._running.run, Pipelines(settings, self._running).run
         self.routes = (
             Route("/", {"GET": system.index}),
             Route("/v1/operations", {"GET": described.list}),
             Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, bodies=True),
+            Route(PIPELINES, {"POST": pipeline, "QUERY": pipeline}, bodies=True),
             Route("/v1/accuracy", {"GET": accuracy.list}),
             Route("/v1/accuracy/{name}", {"GET": accuracy.one}),
             Route("/v1/limits", {"GET": system.limits}),
@@ -91,7 +96,7 @@ class Service:
                 limit=self._settings.max_body,
                 actual=head.length,
             )
-        check_type(head, readable())
+        check_type(head, _readable(match.route))
         return Admission(self._settings.max_body)
 
     def _handle(self, request: Request) -> Response:
@@ -113,7 +118,7 @@ class Service:
         match = find(self.routes, head)
         headers = {"Allow": match.route.allow}
         if "QUERY" in match.route.handlers:
-            headers["Accept-Query"] = ", ".join([*readable(), "multipart/form-data"])
+            headers["Accept-Query"] = ", ".join([*_readable(match.route), "multipart/form-data"])
         return Response(204, headers=headers)
 
     def _canary(self) -> None:
@@ -125,6 +130,11 @@ class Service:
         response = self._handle(Request(head, body))
         if response.status != 200 or not response.body:
             raise RuntimeError(f"the canary was answered with {response.status}")
+
+
+def _readable(route: Route) -> tuple[str, ...]:
+    """The media types of bodies that a route reads, beside forms."""
+    return (*readable(), JSON) if route.template == PIPELINES else readable()
 
 
 def _answer(head: Head, work: Callable[[], Admission | Response]) -> Admission | Response:

@@ -64,6 +64,7 @@ def limits_of(settings: Settings) -> dict[str, Any]:
         "image_channels": settings.max_channels,
         "image_bytes": settings.max_decoded,
         "images": settings.max_images,
+        "plan_bytes": settings.max_memory,
         "request_seconds": settings.request_timeout,
         "waiting_requests": settings.queue,
     }

@@ -55,6 +55,11 @@ class Settings:
     max_decoded: int = _setting(1 << 31, "most bytes of one image once decoded", 1, None)
     max_images: int = _setting(16, "most images in one request", 1, 1024)
 
+    max_memory: int = _setting(8 << 30, "most bytes of images that one plan may hold at once", 1, None)
+    cache: int = _setting(
+        64 << 20, "bytes of answers one process keeps for whoever asks the same; 0 keeps none", 0, None
+    )
+
     calibrate: str = _setting(
         "on", "whether a machine without measured times is measured, while idle: on or off", choices=("on", "off")
     )

@@ -105,7 +105,7 @@ def form(parts: Mapping[str, bytes | tuple[bytes, str]], boundary: str = "edge")
 
 @pytest.fixture(scope="session")
 def settings() -> Settings:
-    return Settings(max_body=4 << 20, max_pixels=1 << 20, max_side=4096, max_channels=8, max_images=4)
+    return Settings(max_body=4 << 20, max_pixels=1 << 20, max_side=4096, max_channels=8, max_images=4, cache=0)
 
 
 @pytest.fixture(scope="session")

@@ -237,6 +237,8 @@ def test_the_openapi_document_is_valid_and_whole(call: Caller, operations: Mappi
 def test_every_documented_get_is_answered_as_documented(call: Caller) -> None:
     paths = read_json(call("GET", "/openapi.json"))["paths"]
     for path, methods in paths.items():
+        if "get" not in methods:
+            continue
         names = next(
             (each["schema"]["enum"] for each in methods["get"].get("parameters", ()) if each["in"] == "path"), []
         )
