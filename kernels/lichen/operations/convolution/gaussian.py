@@ -143,6 +143,11 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     )
 
 
+def _departure(p: Parameters, facts: InputFacts) -> dict[str, float]:
+    """All but the weight of the pixel itself goes to others, which differ from it by the spread at most."""
+    return {"image": (1 - float(half_kernel(p.sigma)[0]) ** 2) * _spread(p, facts)[0]}
+
+
 def _footprint(p: Parameters, facts: InputFacts) -> Footprint:
     """As far as the kernel changes anything in float64."""
     radius = len(half_kernel(p.sigma)) - 1
@@ -162,6 +167,7 @@ gaussian = Operation(
     light=Light.LINEAR,
     wants_alpha=Alpha.ASSOCIATED,
     footprint=_footprint,
+    departure=_departure,
     result=_result,
     identity=lambda p, facts: "sigma is 0" if p.sigma == 0 else None,
     examples=(
