@@ -5,6 +5,7 @@ VENV ?= .venv
 HOST ?= 127.0.0.1
 PORT ?= 8080
 DRAWS ?= 20000
+PIPELINES ?= 2000
 ARGS ?=
 
 BIN := $(VENV)/bin
@@ -43,8 +44,9 @@ format: $(VENV)/.development ## bring the source into the house style
 	@$(BIN)/ruff check --quiet --fix .
 	@$(BIN)/ruff format --quiet .
 
-fuzz: $(VENV)/.development ## hold every stated error to twenty thousand drawn images and parameters (DRAWS=...)
-	@LICHEN_DRAWS=$(DRAWS) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py $(ARGS)
+fuzz: $(VENV)/.development ## hold stated errors and plans to images, parameters and pipelines drawn anew (DRAWS=... PIPELINES=...)
+	@LICHEN_DRAWS=$(DRAWS) LICHEN_PIPELINES=$(PIPELINES) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py \
+		tests/kernels/planning/test_metamorphic.py $(ARGS)
 
 bench: $(VENV)/.development ## measure speed and error beside the peers
 	@set -e; for script in $(or $(ARGS),tests/benchmarks/bench_*.py); do $(BIN)/python $$script; done
