@@ -10,12 +10,14 @@ Images whose space is DATA are never converted: nobody said that they are light.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 from lichen.catalogue import operation
 from lichen.image import Alpha, Space
-from lichen.operation import Facts, Light
+from lichen.operation import Facts, Light, Operation
 from lichen.planning.graph import Graph, Node, Output, Request
 from lichen.planning.prune import cancelled
+from lichen.planning.region import Rectangle, crop, whole
 
 
 def light(graph: Graph, request: Request) -> Graph:
@@ -89,7 +91,15 @@ class _Builder:
             space = output.space if output.space is not None and known else facts.space
             covered = Alpha.NONE not in (facts.alpha, output.alpha)
             alpha = output.alpha if output.alpha is not None and covered else facts.alpha
-            self._outputs[name] = dataclasses.replace(output, source=self.convert(value, space, alpha))
+            value = self.convert(value, space, alpha)
+            self._outputs[name] = dataclasses.replace(output, source=self.cut(value, output.crop), crop=None)
+
+    def cut(self, source: str, rectangle: Rectangle | None) -> str:
+        """The name of a rectangle of `source`."""
+        if rectangle is None or rectangle == whole(self.facts[source]):
+            return source
+        left, top, width, height = rectangle
+        return self.insert(source, crop, left=left, top=top, width=width, height=height)
 
     def convert(self, source: str, space: Space, alpha: Alpha) -> str:
         """The name of `source` in `space` and `alpha`, through straight alpha where colour changes light."""
@@ -97,25 +107,23 @@ class _Builder:
         if facts.space is not space:
             source = self.associate(source, Alpha.STRAIGHT)
             direction = "decode" if space is Space.LINEAR else "encode"
-            source = self.insert(source, "transfer", "direction", direction)
+            source = self.insert(source, operation("transfer"), direction=direction)
         return self.associate(source, alpha)
 
     def associate(self, source: str, alpha: Alpha) -> str:
         if Alpha.NONE in (self.facts[source].alpha, alpha) or self.facts[source].alpha is alpha:
             return source
-        return self.insert(source, "premultiply", "inverse", alpha is Alpha.STRAIGHT)
+        return self.insert(source, operation("premultiply"), inverse=alpha is Alpha.STRAIGHT)
 
-    def insert(self, source: str, name: str, parameter: str, value: object) -> str:
+    def insert(self, source: str, chosen: Operation[Any], **values: object) -> str:
         """The name of `source` after a conversion, which is made once however many read it."""
-        said = (source, name, str(value))
+        said = (source, chosen.name, str(values))
         if said not in self._made:
-            chosen = operation(name)
-            stem = f"{source}.{name}"
+            stem = f"{source}.{chosen.name}"
             unique = next(
                 label for n in range(len(self._taken) + 1) if (label := f"{stem}{n or ''}") not in self._taken
             )
-            parameters = chosen.validate({parameter: value})
-            self.append(Node(unique, chosen, parameters, {chosen.inputs[0].name: source}))
+            self.append(Node(unique, chosen, chosen.validate(values), {chosen.inputs[0].name: source}))
             self._taken.add(unique)
             self.inserted.add(unique)
             self._made[said] = unique
