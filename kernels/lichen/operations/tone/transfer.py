@@ -46,7 +46,6 @@ from lichen.operation import (
     Operation,
     OperationParameters,
     Rate,
-    Stage,
 )
 from lichen.operations.tone import curves
 from lichen.operations.tone.curves import FLOAT_MAX, Curve, Direction, Form
@@ -54,6 +53,7 @@ from lichen.operations.tone.evaluate import evaluate
 from lichen.operations.tone.tables import Table, tabulate
 from lichen.operations.tone.transfer_cases import CASES
 from lichen.operations.tone.transfer_launch import constants, definitions, launch
+from lichen.stage import Stage
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
