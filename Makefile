@@ -7,6 +7,7 @@ PORT ?= 8080
 DRAWS ?= 20000
 INPUTS ?= 80000
 SECONDS ?= 600
+PIPELINES ?= 2000
 ARGS ?=
 
 BIN := $(VENV)/bin
@@ -45,9 +46,10 @@ format: $(VENV)/.development ## bring the source into the house style
 	@$(BIN)/ruff check --quiet --fix .
 	@$(BIN)/ruff format --quiet .
 
-fuzz: $(VENV)/.development ## hold errors to DRAWS drawn images, and our reading of HTTP to INPUTS mangled requests
+fuzz: $(VENV)/.development ## hold errors to DRAWS drawn images, plans to PIPELINES, our reading of HTTP to INPUTS mangled requests
 	@LICHEN_INPUTS=$(INPUTS) $(BIN)/python -m pytest tests/service/http/test_differential.py
-	@LICHEN_DRAWS=$(DRAWS) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py $(ARGS)
+	@LICHEN_DRAWS=$(DRAWS) LICHEN_PIPELINES=$(PIPELINES) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py \
+		tests/kernels/planning/test_metamorphic.py $(ARGS)
 
 soak: $(VENV)/.development ## serve for SECONDS, and show that memory, threads and files stay what they were
 	@$(BIN)/python tests/service/soak.py --seconds $(SECONDS)

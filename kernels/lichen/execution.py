@@ -7,7 +7,7 @@ graph names, and dropped after its last reader.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,45 +15,55 @@ import numpy as np
 from lichen.accuracy.precision import Precision, stored
 from lichen.errors import LichenError
 from lichen.image import Image, Storage
-from lichen.memory import Array, aligned
+from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
-from lichen.operation import Inputs
+from lichen.opencl.programs import compose
+from lichen.operation import Facts, Inputs
+from lichen.planning.fuse import stage_of, text_of
 from lichen.planning.graph import Graph, Node
+from lichen.planning.memory import last_readers
 from lichen.planning.plan import Plan
 
 Compute = Callable[[Node, Inputs], Array]
+Observe = Callable[[Node, Inputs, Array], None]
 Findings = dict[str, Mapping[str, Any]]
 """What nodes report beside their pixels, by their names."""
 
 
 def computed(
     plan: Plan, sources: Mapping[str, Image], device: Device | None, timing: MutableMapping[str, float]
-) -> tuple[Image, Findings]:
-    """What the plan gives on `device` (None: NumPy). Adds to `timing` the seconds of all nodes and of each."""
+) -> tuple[dict[str, Image], Findings]:
+    """What the plan gives on `device` (None: NumPy), by output. Adds to `timing` the seconds of nodes, all and each."""
     timing["kernel"] = 0.0
     findings: Findings = {}
+    chains = {chain[-1]: [plan.graph.named(name) for name in chain] for chain in plan.graph.fused}
 
     def timed(node: Node, inputs: Inputs) -> Array:
         started = time.perf_counter()
         if plan.graph.precision is Precision.FLOAT64:
             pixels = by_definition(node, inputs)
+        elif node.name in chains and device is not None:
+            pixels = by_chain(chains[node.name], plan.graph, inputs, device)
         else:
             pixels = by_method(node, inputs, device)
         timing[f"kernel.{node.name}"] = time.perf_counter() - started
         timing["kernel"] += timing[f"kernel.{node.name}"]
+        observed(node, inputs, pixels)
+        return pixels
+
+    def observed(node: Node, inputs: Inputs, pixels: Array) -> None:
         if node.operation.finds:
             started = time.perf_counter()
             findings[node.name] = node.operation.find(inputs, node.parameters, pixels)
             timing["findings"] = timing.get("findings", 0.0) + time.perf_counter() - started
-        return pixels
 
-    return walk(plan.graph, sources, timed), findings
+    return walk(plan.graph, sources, timed, observed), findings
 
 
 def exact(graph: Graph, sources: Mapping[str, Image]) -> Array:
-    """The exact output of a graph, float64: every node by its definition, nothing rounded in between. Slow."""
-    pixels = walk(graph.replace(precision=Precision.FLOAT64), sources, by_definition).pixels
-    return pixels.astype(np.float64, copy=False)
+    """The exact output of a graph that has one, float64: every node by definition, nothing rounded between. Slow."""
+    (made,) = walk(graph.replace(precision=Precision.FLOAT64, fused=()), sources, by_definition).values()
+    return made.pixels.astype(np.float64, copy=False)
 
 
 def by_definition(node: Node, inputs: Inputs) -> Array:
@@ -74,18 +84,46 @@ def by_method(node: Node, inputs: Inputs, device: Device | None) -> Array:
         return body.opencl(device, single, node.parameters, knob)
 
 
+def by_chain(nodes: Sequence[Node], graph: Graph, inputs: Inputs, device: Device) -> Array:
+    """A chain of pointwise nodes by one generated kernel, or one after the other where there are too many kernels."""
+    facts = graph.facts()
+    (image,) = inputs.values()
+    stages = [stage for node in nodes if (stage := stage_of(node, facts)) is not None]
+    alphas = [facts[source].alpha for node in nodes for source in node.inputs.values()]
+    source = compose(text_of(stages, image.channels, alphas))
+    if source is None:
+        return _in_turn(nodes, facts, image, device)
+    pixels = aligned(image.pixels, np.float32)
+    out = aligned_empty(pixels.shape)
+    numbers = aligned(np.array([*(number for stage in stages for number in stage.numbers), 0], np.float32))
+    count = image.height * image.width
+    with device.session() as session:
+        session.launch(source, "fused", (-(-count // 16),), pixels, session.write(out), numbers, np.int32(count))
+    return out
+
+
+def _in_turn(nodes: Sequence[Node], facts: Mapping[str, Facts], image: Image, device: Device) -> Array:
+    for node in nodes:
+        pixels = by_method(node, {next(iter(node.inputs)): image}, device)
+        made = facts[node.name]
+        image = Image(pixels, made.space, made.alpha, image.storage, image.metadata)
+    return image.pixels
+
+
 def _single(image: Image) -> Image:
     """The image in aligned float32; itself, with all that is known of it, where it is that already."""
     pixels = aligned(image.pixels, np.float32)
     return image if pixels is image.pixels else image.replace(pixels=pixels)
 
 
-def walk(graph: Graph, sources: Mapping[str, Image], compute: Compute) -> Image:
-    """Run the nodes in order and return the output."""
+def walk(
+    graph: Graph, sources: Mapping[str, Image], compute: Compute, observe: Observe = lambda *seen: None
+) -> dict[str, Image]:
+    """Run the nodes in order and return the outputs. Values are dropped after their last reader."""
     values = {name: _kept(image, graph.precision) for name, image in sources.items()}
     known = graph.facts()
-    last = {source: node.name for node in graph.nodes for source in node.inputs.values()}
-    for node in graph.nodes:
+    last = last_readers(graph)
+    for node in graph.running():
         inputs = {key: values[source] for key, source in node.inputs.items()}
         facts = known[node.name]
         model = next(iter(inputs.values()), None)
@@ -98,10 +136,14 @@ def walk(graph: Graph, sources: Mapping[str, Image], compute: Compute) -> Image:
             facts.pages,
         )
         values[node.name] = _kept(made, graph.precision)
-        for source in set(node.inputs.values()):
-            if last[source] == node.name and source != graph.output:
+        del inputs, model, made
+        for source in {node.name, *node.inputs.values()}:
+            if last.get(source) == node.name:
                 del values[source]
-    return values[graph.output]
+    for node in graph.observers:
+        seen = {key: values[source] for key, source in node.inputs.items()}
+        observe(node, seen, next(iter(seen.values())).pixels)
+    return {name: values[output.source] for name, output in graph.outputs.items()}
 
 
 def _kept(image: Image, precision: Precision) -> Image:

@@ -29,6 +29,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from lichen.errors import Flaw, InvalidRequest, parameter_flaws
 from lichen.image import Alpha, Extent, Image, Space
 from lichen.memory import Array
+from lichen.stage import Stage, no_stage
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -222,6 +223,8 @@ class Method(Generic[P]):
     rates: Mapping[str, Rate]
     knob: Knob | None = None
     unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None
+    stage: Callable[[P, InputFacts], Stage | None] = no_stage
+    """what it is as a step of a fused chain on OpenCL, where it is pointwise and reads one picture"""
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
         rate = self.rates[backend]
@@ -272,6 +275,9 @@ class Operation(Generic[P]):
     """facts of the output; its extent must contain every finite output value"""
     propagate: Callable[[P, InputFacts, float], float] = lambda parameters, facts, error: error
     """the largest change of the output when the pictures change by at most `error` (the modulus of continuity)"""
+    departure: Callable[[P, InputFacts], Mapping[str, float]] = lambda parameters, facts: {}
+    """how far the output is from an input at most, by the input's name, where that is known: an operation whose work
+    would not be seen hands on that input instead"""
     implied: Callable[[P, InputFacts], Mapping[str, Array] | str] = lambda parameters, facts: {}
     """inputs by name that were left out and depend on where a pixel lies: with them, crops of the inputs, wider by the
     footprint, give the crop of the result. Text says why nothing makes them do so."""
@@ -316,12 +322,13 @@ class Operation(Generic[P]):
         rates: Mapping[str, Rate],
         knob: Knob | None = None,
         unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None,
+        stage: Callable[[P, InputFacts], Stage | None] = no_stage,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
-            self.methods[name] = Method(name, description, implementation, error, work, rates, knob, unfit)
+            self.methods[name] = Method(name, description, implementation, error, work, rates, knob, unfit, stage)
             return implementation
 
         return register

@@ -25,6 +25,7 @@ from lichen_service.access import signing
 from lichen_service.access.cors import Cors
 from lichen_service.access.guard import Caller, Guard
 from lichen_service.assets import Assets
+from lichen_service.cache import Answers
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.decoding.pool import Decoders
 from lichen_service.descriptions import path_of
@@ -42,11 +43,13 @@ from lichen_service.routes.assets import AssetRoutes
 from lichen_service.routes.catalogue import Catalogue
 from lichen_service.routes.figures import Figures
 from lichen_service.routes.jobs import wants_a_job
+from lichen_service.routes.pipelines import PATH as PIPELINES
+from lichen_service.routes.pipelines import Pipelines
 from lichen_service.routes.running import Running
 from lichen_service.routes.system import System
 from lichen_service.routing import Match, Route, find
 from lichen_service.settings import SHARED, Settings
-from lichen_service.uploads import check_type
+from lichen_service.uploads import JSON, check_type
 
 log = structlog.get_logger("lichen_service")
 
@@ -66,12 +69,14 @@ class Service:
         self.readiness = Readiness(self._canary)
         self.traffic = Traffic()
         self.calibrating = Calibrating(self.readiness, self.traffic)
+        self.answers = Answers(settings.cache)
         self.assets = Assets(settings.data_folder / "assets", settings.asset_store)
         self.decoders = Decoders(settings.decoders, settings.decoder_memory, settings.decoder_seconds)
-        self._running = Running(settings, self.assets, self.decoders)
+        self._running = Running(settings, self.answers, self.assets, self.decoders)
         self._described = described = Catalogue(settings)
         system, accuracy = System(settings, self.readiness), Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
+        pipeline = Pipelines(settings, self._running).run
         self.jobs = _jobs(settings, self.assets, self.handle, check)
         self.metrics = Metrics(catalogue.operations())
         self.routes: tuple[Route, ...] = (
@@ -79,6 +84,7 @@ class Service:
             Route("/", {"GET": system.index}),
             Route("/v1/operations", {"GET": described.list}),
             Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, None, check, "run"),
+            Route(PIPELINES, {"POST": pipeline, "QUERY": pipeline}, True, scope="run"),
             Route(ASSETS, {"PUT": stored.put}, True, readable(), scope="assets"),
             Route(f"{ASSETS}/{{name}}", {"GET": stored.get, "DELETE": stored.delete}, scope="assets"),
             Route("/v1/accuracy", {"GET": accuracy.list}),
@@ -138,7 +144,7 @@ class Service:
                 actual=head.length,
             )
         if match.route.reads is None:
-            check_type(head, readable())
+            check_type(head, _readable(match.route))
         else:
             check_type(head, match.route.reads, forms=False)
         return Admission(self._settings.max_body, caller)
@@ -201,7 +207,7 @@ class Service:
         match = find(self.routes, head)
         headers = {"Allow": match.route.allow}
         if "QUERY" in match.route.handlers:
-            headers["Accept-Query"] = ", ".join([*readable(), "multipart/form-data"])
+            headers["Accept-Query"] = ", ".join([*_readable(match.route), "multipart/form-data"])
         return Response(204, headers=headers)
 
     def _canary(self) -> None:
@@ -229,6 +235,11 @@ def _jobs(
     except (OSError, sqlite3.Error) as failure:
         log.error("jobs cannot be kept and are not offered", folder=str(settings.data_folder), reason=str(failure))
         return None
+
+
+def _readable(route: Route) -> tuple[str, ...]:
+    """The media types of bodies that a route reads, beside forms."""
+    return (*readable(), JSON) if route.template == PIPELINES else readable()
 
 
 def _answer(head: Head, work: Callable[[], Admission | Response]) -> Admission | Response:

@@ -86,6 +86,12 @@ class Settings:
         _memory(), "bytes that all images may take together, shared evenly by the processes", 1 << 20, None
     )
     max_images: int = _setting(16, "most images in one request", 1, 1024, limit="images")
+    max_memory: int = _setting(
+        8 << 30, "most bytes of images that one plan may hold at once", 1, None, limit="plan_bytes"
+    )
+    cache: int = _setting(
+        64 << 20, "bytes of answers one process keeps for whoever asks the same; 0 keeps none", 0, None
+    )
 
     decoders: int = _setting(2, "processes, for each that answers, in which images are decoded; 0: none", 0, 64)
     decoder_memory: int = _setting(4 << 30, "bytes one of them may take", 1 << 20, None)

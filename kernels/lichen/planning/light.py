@@ -10,29 +10,53 @@ Images whose space is DATA are never converted: nobody said that they are light.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 from lichen.catalogue import operation
 from lichen.image import Alpha, Space
-from lichen.operation import Facts, Light
-from lichen.planning.graph import Decision, Graph, Node, Request, inputs_of
+from lichen.operation import Facts, Light, Operation
+from lichen.planning.graph import Graph, Node, Output, Request
+from lichen.planning.prune import cancelled
+from lichen.planning.region import Rectangle, crop, whole
 
 
 def light(graph: Graph, request: Request) -> Graph:
-    """Wrap every operation that needs it in conversions, convert the output as asked, drop pairs that cancel."""
+    """Wrap every operation that needs it in conversions, convert the outputs as asked, drop pairs that cancel."""
     wrapped = _Builder(graph)
     for node in graph.nodes:
         wrapped.add(node)
-    wrapped.deliver(request)
-    return _cancel(wrapped.graph)
+    wrapped.observe()
+    wrapped.deliver()
+    made = wrapped.graph()
+    cancelling = cancelled(made, request, "light", None if request.prune else wrapped.inserted)
+    return _without_idle(cancelling, wrapped.inserted)
+
+
+def _without_idle(graph: Graph, inserted: set[str]) -> Graph:
+    """Without conversions back that nobody reads, since every reader wants linear light."""
+    read = graph.needed()
+    for node in reversed(graph.nodes):
+        if node.name not in inserted or node.name in read:
+            read.update(node.inputs.values())
+    return graph.replace(nodes=tuple(node for node in graph.nodes if node.name not in inserted or node.name in read))
 
 
 class _Builder:
     """Copies a graph node by node, adding conversions. `renamed` maps old names to where their value now is."""
 
     def __init__(self, graph: Graph) -> None:
-        self.graph = graph.replace(nodes=())
+        self._graph = graph
+        self._nodes: list[Node] = []
+        self._taken = {node.name for node in graph.nodes} | set(graph.sources)
+        self._made: dict[tuple[str, str, str], str] = {}
+        self._observers: tuple[Node, ...] = ()
+        self._outputs: dict[str, Output] = {}
+        self.inserted: set[str] = set()
         self.renamed: dict[str, str] = {}
-        self.facts = dict(graph.sources)
+        self.facts: dict[str, Facts] = dict(graph.sources)
+
+    def graph(self) -> Graph:
+        return self._graph.replace(nodes=tuple(self._nodes), outputs=self._outputs, observers=self._observers)
 
     def add(self, node: Node) -> None:
         inputs = {key: self.renamed.get(source, source) for key, source in node.inputs.items()}
@@ -41,7 +65,7 @@ class _Builder:
         for key in pictures:
             space, alpha = _wanted(node, before[key])
             inputs[key] = self.convert(inputs[key], space, alpha)
-        self.append(dataclasses.replace(node, inputs=inputs))
+        self.append(node.replace(inputs=inputs))
         value = node.name
         if pictures:
             original, given = before[pictures[0]], self.facts[inputs[pictures[0]]]
@@ -51,16 +75,31 @@ class _Builder:
             value = self.convert(value, space, alpha)
         self.renamed[node.name] = value
 
-    def deliver(self, request: Request) -> None:
-        """Point the output at the value in the asked space and alpha."""
-        value = self.renamed.get(self.graph.output, self.graph.output)
-        facts = self.facts[value]
-        known = Space.DATA not in (facts.space, request.space)
-        space = request.space if request.space is not None and known else facts.space
-        covered = Alpha.NONE not in (facts.alpha, request.alpha)
-        alpha = request.alpha if request.alpha is not None and covered else facts.alpha
-        output = self.convert(value, space, alpha)  # adds nodes to the graph, so it comes first
-        self.graph = self.graph.replace(output=output)
+    def observe(self) -> None:
+        """Let observers see what they would have seen: pictures in the light and with the alpha they came in."""
+        self._observers = tuple(
+            node.replace(inputs={key: self.renamed.get(source, source) for key, source in node.inputs.items()})
+            for node in self._graph.observers
+        )
+
+    def deliver(self) -> None:
+        """Point every output at the value in the asked space and alpha."""
+        for name, output in self._graph.outputs.items():
+            value = self.renamed.get(output.source, output.source)
+            facts = self.facts[value]
+            known = Space.DATA not in (facts.space, output.space)
+            space = output.space if output.space is not None and known else facts.space
+            covered = Alpha.NONE not in (facts.alpha, output.alpha)
+            alpha = output.alpha if output.alpha is not None and covered else facts.alpha
+            value = self.convert(value, space, alpha)
+            self._outputs[name] = dataclasses.replace(output, source=self.cut(value, output.crop), crop=None)
+
+    def cut(self, source: str, rectangle: Rectangle | None) -> str:
+        """The name of a rectangle of `source`."""
+        if rectangle is None or rectangle == whole(self.facts[source]):
+            return source
+        left, top, width, height = rectangle
+        return self.insert(source, crop, left=left, top=top, width=width, height=height)
 
     def convert(self, source: str, space: Space, alpha: Alpha) -> str:
         """The name of `source` in `space` and `alpha`, through straight alpha where colour changes light."""
@@ -68,25 +107,31 @@ class _Builder:
         if facts.space is not space:
             source = self.associate(source, Alpha.STRAIGHT)
             direction = "decode" if space is Space.LINEAR else "encode"
-            source = self.insert(source, "transfer", curve="srgb", direction=direction)
+            source = self.insert(source, operation("transfer"), direction=direction)
         return self.associate(source, alpha)
 
     def associate(self, source: str, alpha: Alpha) -> str:
         if Alpha.NONE in (self.facts[source].alpha, alpha) or self.facts[source].alpha is alpha:
             return source
-        return self.insert(source, "premultiply", inverse=alpha is Alpha.STRAIGHT)
+        return self.insert(source, operation("premultiply"), inverse=alpha is Alpha.STRAIGHT)
 
-    def insert(self, source: str, name: str, **values: object) -> str:
-        chosen = operation(name)
-        stem = f"{source}.{name}"
-        taken = {node.name for node in self.graph.nodes} | set(self.graph.sources)
-        unique = next(label for n in range(len(taken) + 1) if (label := f"{stem}{n or ''}") not in taken)
-        self.append(Node(unique, chosen, chosen.validate(values), {chosen.inputs[0].name: source}))
-        return unique
+    def insert(self, source: str, chosen: Operation[Any], **values: object) -> str:
+        """The name of `source` after a conversion, which is made once however many read it."""
+        said = (source, chosen.name, str(values))
+        if said not in self._made:
+            stem = f"{source}.{chosen.name}"
+            unique = next(
+                label for n in range(len(self._taken) + 1) if (label := f"{stem}{n or ''}") not in self._taken
+            )
+            self.append(Node(unique, chosen, chosen.validate(values), {chosen.inputs[0].name: source}))
+            self._taken.add(unique)
+            self.inserted.add(unique)
+            self._made[said] = unique
+        return self._made[said]
 
     def append(self, node: Node) -> None:
-        self.graph = self.graph.replace(nodes=(*self.graph.nodes, node))
-        self.facts[node.name] = node.operation.result(node.parameters, inputs_of(node, self.facts))
+        self._nodes.append(node)
+        self.facts[node.name] = node.result(self.facts)
 
 
 def _wanted(node: Node, facts: Facts) -> tuple[Space, Alpha]:
@@ -98,22 +143,3 @@ def _wanted(node: Node, facts: Facts) -> tuple[Space, Alpha]:
     if node.operation.wants_alpha is not None and alpha is not Alpha.NONE:
         alpha = node.operation.wants_alpha
     return space, alpha
-
-
-def _cancel(graph: Graph) -> Graph:
-    """Drop pairs in which a node undoes the one it reads."""
-    changed = True
-    while changed:
-        changed = False
-        for node in graph.nodes:
-            before = graph.node(node.first) if node.inputs else None
-            undone = before is not None and node.operation.inverse(node.parameters) == before.parameters
-            if before is None or not undone or node.operation is not before.operation:
-                continue
-            graph = graph.bypass(node.name, before.first)
-            if graph.readers(before.name) == 0:
-                graph = graph.bypass(before.name, before.first)
-            graph = graph.deciding([Decision("light", node.name, "dropped", f"undoes {before.name}")])
-            changed = True
-            break
-    return graph

@@ -20,6 +20,7 @@ from lichen.image import Alpha, Extent, Image
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import ROUNDING, Error, Facts, Inputs, Rate
+from lichen.stage import Stage
 
 FLOAT_MAX = float(np.finfo(np.float32).max)
 BLOCK = 1 << 14
@@ -89,9 +90,7 @@ def launch(device: Device, image: Image, affine: Affine) -> Array:
     """The map by affine.cl."""
     source = aligned(image.pixels)
     out = aligned_empty(source.shape)
-    numbers = np.zeros((affine.size, 5), np.float32)
-    numbers[:, : affine.size] = affine.factors
-    numbers[:, 4] = affine.added
+    numbers = _numbers(affine)
     pixels = image.height * image.width
     defines: dict[str, int | float | str] = {
         "IN": image.channels, "OUT": image.channels, "READ": affine.size, "MADE": affine.size, "SIZE": affine.size,
@@ -104,6 +103,20 @@ def launch(device: Device, image: Image, affine: Affine) -> Array:
             defines=defines,
         )  # fmt: skip
     return out
+
+
+def _numbers(affine: Affine) -> Array:
+    """What affine.cl reads: rows of four factors and what is added."""
+    numbers = np.zeros((affine.size, 5), np.float32)
+    numbers[:, : affine.size] = affine.factors
+    numbers[:, 4] = affine.added
+    return numbers
+
+
+def stage(affine: Affine, facts: Facts) -> Stage:
+    """The map as a step of a generated kernel."""
+    defines = {"SIZE": affine.size, "FOLLOWS": follows(affine, facts.alpha, facts.channels)}
+    return Stage("colour/affine_stage.clh", defines, tuple(map(float, _numbers(affine).reshape(-1))))
 
 
 def error(affine: Affine, facts: Facts) -> Error:
@@ -139,6 +152,16 @@ def propagate(affine: Affine, facts: Facts, by: float) -> float:
     weighted = follows(affine, facts.alpha, facts.channels) >= 0
     rows = (sum(map(abs, row)) + abs(more) * weighted for row, more in zip(affine.factors, affine.added, strict=True))
     return max([*rows, 1.0 if facts.channels > affine.size else 0.0]) * by
+
+
+def departure(affine: Affine, facts: Facts) -> dict[str, float]:
+    """How far the output is from the picture: (M - 1) x + b w."""
+    weight = facts.extent.magnitude if follows(affine, facts.alpha, facts.channels) >= 0 else 1.0
+    rows = [
+        sum(abs(factor - (i == j)) for j, factor in enumerate(row)) * facts.extent.magnitude + abs(more) * weight
+        for i, (row, more) in enumerate(zip(affine.factors, affine.added, strict=True))
+    ]
+    return {"image": max(rows)}
 
 
 class Mapped(Protocol):

@@ -110,6 +110,7 @@ matrix = Operation(
     identity=lambda p, facts: "the matrix is the identity" if p.affine.trivial else None,
     result=lambda p, facts: affine.result(p.affine, facts["image"]),
     propagate=lambda p, facts, by: affine.propagate(p.affine, facts["image"], by),
+    departure=lambda p, facts: affine.departure(p.affine, facts["image"]),
     check=_check,
     examples=(
         {"matrix": SEPIA},
@@ -161,6 +162,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples,
     rates=affine.RATES,
+    stage=lambda p, facts: affine.stage(p.affine, facts["image"]),
 )
 class Exact(affine.Applied):
     """Fused multiply-adds in float32, sixteen pixels at a time."""

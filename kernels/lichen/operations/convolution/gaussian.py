@@ -32,6 +32,7 @@ discrete sine and cosine transforms, IEEE Trans. Signal Processing 42 (1994) for
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -60,6 +61,14 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     if p.border is Border.CONSTANT:
         extent = Extent(min(extent.low, p.value), max(extent.high, p.value), extent.nonfinite)
     return dataclasses.replace(image, extent=missing.extent_without(facts, extent))
+
+
+def _departure(p: Parameters, facts: InputFacts) -> dict[str, float]:
+    """All but the weight of the pixel itself goes to others, which differ from it by the spread at most."""
+    own = 0.0
+    if p.turned is None and not missing.leaves_out(p.missing, facts):
+        own = math.prod(float(half_kernel(sigma)[0]) for sigma in p.deviations)
+    return {"image": (1 - own) * base.spread(p, facts)[0]}
 
 
 def _footprint(p: Parameters, facts: InputFacts) -> Footprint:
@@ -98,6 +107,7 @@ gaussian = Operation(
     light=Light.LINEAR,
     wants_alpha=Alpha.ASSOCIATED,
     footprint=_footprint,
+    departure=_departure,
     result=_result,
     identity=_identity,
     check=base.check,

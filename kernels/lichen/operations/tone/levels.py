@@ -44,6 +44,7 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned
+from lichen.stage import Stage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -134,6 +135,22 @@ def _identity(p: Parameters, facts: InputFacts) -> str | None:
     same = all(c == Channel(0.0, 1.0, 1.0, 0.0, 1.0) for c in channels(p, colours))
     inside = image.extent.low >= 0 and image.extent.high <= 1 and not image.extent.nonfinite
     return "every level is where it was" if same and (inside or not p.clamp) else None
+
+
+def _departure(p: Parameters, facts: InputFacts) -> dict[str, float]:
+    """At an end or a corner of the broken line, where it is one; straight colour counts times a coverage up to 1."""
+    image = facts["image"]
+    low, high = image.extent.low, image.extent.high
+    if _curved(p) or (image.alpha is not Alpha.NONE and not 0 <= low <= high <= 1):
+        return {}
+    most = 0.0
+    for channel in channels(p, _colours(image)):
+        corners = [x for x in (channel.black, channel.white) if p.clamp and low < x < high]
+        for x in (low, high, *corners):
+            t = channel.share(x)
+            t = min(max(t, 0.0), 1.0) if p.clamp else t
+            most = max(most, abs(channel.low + t * (channel.high - channel.low) - x))
+    return {"image": most}
 
 
 def _power(t: float, gamma: float) -> float:
@@ -247,6 +264,7 @@ levels = Operation(
     light=Light.STORED,
     footprint=lambda p, facts: POINTWISE,
     identity=_identity,
+    departure=_departure,
     result=_result,
     propagate=_propagate,
     wants_alpha=Alpha.STRAIGHT,
@@ -316,6 +334,11 @@ def _numbers(p: Parameters, colours: int) -> Array:
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples * (3.0 if _curved(p) else 1.0),
     rates={"opencl": Rate(2e-4, 2.4e-10), "numpy": Rate(1e-4, 2.2e-9)},
+    stage=lambda p, facts: Stage(
+        "tone/levels_stage.clh",
+        {"CLAMPED": int(p.clamp), "CURVED": int(_curved(p))},
+        tuple(map(float, np.ravel(_numbers(p, _colours(facts["image"]))))),
+    ),
 )
 class Exact:
     """The formula in float32, black in two parts."""
