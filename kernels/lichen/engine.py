@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -27,8 +27,9 @@ from lichen.memory import Array
 from lichen.opencl.device import Device, default_device, status
 from lichen.opencl.extent import extent as device_extent
 from lichen.operation import Error, Facts
-from lichen.order import BACKENDS, Order, Picture, read_order
-from lichen.planning.graph import Decision, Graph, Node
+from lichen.order import BACKENDS, Order, Picture, read_order, read_pipeline_order
+from lichen.planning.graph import RESULT, Decision, Graph
+from lichen.planning.pipeline import Pipeline
 from lichen.planning.plan import Plan, make_plan
 from lichen.verification import Verification, verify
 
@@ -52,7 +53,9 @@ class Result:
     verification: Verification | None = None
     """what comparing with truth found, where that was asked for"""
     findings: Mapping[str, Any] = field(default_factory=dict)
-    """what the operation reports beside its pixels; empty for most"""
+    """what the operation reports beside its pixels; of a pipeline by the names of its nodes; empty for most"""
+    output: str = RESULT
+    """which of the plan's outputs this is"""
 
     @property
     def measured(self) -> Difference | None:
@@ -66,7 +69,7 @@ class Result:
     @property
     def error(self) -> Error:
         """What the result can be wrong by, in output units: proved or estimated, as it says."""
-        return self.plan.error
+        return self.plan.errors[self.output]
 
     @cached_property
     def nonfinite(self) -> int:
@@ -123,26 +126,110 @@ def run(
         "precision": precision,
         "verify": verify,
     }
-    found = select_device(device)
-    try:
-        return _execute(*_prepare(name, image, arguments, found), found)
-    except DeviceFailure as failure:
-        if device is not None or found is None:
-            raise
-        log.warning("OpenCL failed, NumPy repeats the work: %s", failure)
-        decision = Decision("device", "*", "ran on numpy", f"opencl failed: {failure.detail}")
-        return _execute(*_prepare(name, image, arguments, None), None, decision)
+    (result,) = prepare(name, image, device=device, **arguments).run().values()
+    return result
+
+
+def run_pipeline(
+    pipeline: Pipeline | Mapping[str, Any] | str,
+    image: Picture | None = None,
+    /,
+    *,
+    images: Mapping[str, Picture] | None = None,
+    device: str | None = None,
+    **wishes: Any,
+) -> dict[str, Result]:
+    """Run a pipeline: a mapping of nodes and outputs, its JSON, or its text form (`lichen.planning.pipeline`, `.text`).
+
+    `image` is the picture that nodes read as `input.image`, `images` holds all of them by name. `wishes` are those of
+    `run`: `max_error` holds for every output, `space`, `alpha` and `storage` where an output says nothing else.
+
+    Results come by the outputs' names. They share plan, timing and findings, which come by the nodes' names. Raises as
+    `run`, every flaw of every node at once.
+
+    >>> import numpy as np
+    >>> found = run_pipeline("gaussian:sigma=1.5|levels:black=1,white=0", np.ones((4, 4)))
+    >>> bool(np.allclose(found["result"].image.pixels, 0, atol=1e-5))
+    True
+    """
+    return prepare_pipeline(pipeline, image, images=images, device=device, **wishes).run()
 
 
 def explain(name: str, image: Picture | None = None, /, *, device: str | None = None, **arguments: Any) -> Plan:
     """The plan that `run` with the same arguments would follow. No pixel is computed; ranges of inputs are measured."""
-    return _prepare(name, image, arguments, select_device(device))[1]
+    return prepare(name, image, device=device, **arguments).plan
+
+
+def explain_pipeline(
+    pipeline: Pipeline | Mapping[str, Any] | str,
+    image: Picture | None = None,
+    /,
+    *,
+    images: Mapping[str, Picture] | None = None,
+    device: str | None = None,
+    **wishes: Any,
+) -> Plan:
+    """The plan that `run_pipeline` with the same arguments would follow. No pixel is computed."""
+    return prepare_pipeline(pipeline, image, images=images, device=device, **wishes).plan
 
 
 def evaluate_truth(name: str, image: Picture | None = None, /, *, device: str | None = None, **arguments: Any) -> Array:
     """The exact result of `run` with the same arguments, float64: every node of its plan by definition. Slow."""
-    order, plan, _ = _prepare(name, image, arguments, select_device(device))
-    return exact(plan.graph, _sources(order))
+    prepared = prepare(name, image, device=device, **arguments)
+    return exact(prepared.plan.graph, prepared.order.images)
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A plan with the pictures it is for, ready to be carried out."""
+
+    order: Order
+    plan: Plan
+    seconds: float
+    """that planning took"""
+    device: Device | None
+    fallback: Prepare | None = None
+    """makes the same for NumPy, where no device was named"""
+
+    def run(self, *further: Decision) -> dict[str, Result]:
+        """The results by the outputs' names; on NumPy where a device fails that nobody named."""
+        try:
+            return _execute(self, *further)
+        except DeviceFailure as failure:
+            if self.fallback is None or self.device is None:
+                raise
+            log.warning("OpenCL failed, NumPy repeats the work: %s", failure)
+            decision = Decision("device", "*", "ran on numpy", f"opencl failed: {failure.detail}")
+            return self.fallback(None).run(decision)
+
+
+Prepare = Callable[["Device | None"], Prepared]
+
+
+def prepare(name: str, image: Picture | None = None, /, *, device: str | None = None, **arguments: Any) -> Prepared:
+    """What `run` with the same arguments would carry out."""
+    return _prepared(lambda backend: read_order(name, image, arguments, backend), device)
+
+
+def prepare_pipeline(
+    pipeline: Pipeline | Mapping[str, Any] | str,
+    image: Picture | None = None,
+    /,
+    *,
+    images: Mapping[str, Picture] | None = None,
+    device: str | None = None,
+    **wishes: Any,
+) -> Prepared:
+    """What `run_pipeline` with the same arguments would carry out."""
+    given = _named(image, images)
+    return _prepared(lambda backend: read_pipeline_order(pipeline, given, wishes, backend), device)
+
+
+def _named(image: Picture | None, images: Mapping[str, Picture] | None) -> dict[str, Picture]:
+    given = dict(images or {})
+    if image is not None and given.setdefault("image", image) is not image:
+        raise InvalidRequest("The picture is given twice.", [Flaw("/inputs/image", "is given twice")])
+    return given
 
 
 def select_device(name: str | None) -> Device | None:
@@ -160,44 +247,47 @@ def select_device(name: str | None) -> Device | None:
     return found
 
 
-def _prepare(
-    name: str, image: Picture | None, arguments: Mapping[str, Any], device: Device | None
-) -> tuple[Order, Plan, float]:
-    """An order, its plan, and the seconds both took."""
-    started = time.perf_counter()
-    order = read_order(name, image, arguments, "opencl" if device else "numpy")
-    facts = {key: Facts.of(_measured(value, device)) for key, value in order.images.items()}
-    flaws = order.operation.check(order.parameters, facts)
-    if flaws:
-        raise InvalidRequest(f"This request for {name} is not valid.", flaws)
-    node = Node(name, order.operation, order.parameters, {key: f"input.{key}" for key in order.images})
-    sources = {f"input.{key}": known for key, known in facts.items()}
-    request = dataclasses.replace(order.request, rates=times.current(order.request.backend))
-    plan = make_plan(Graph(sources, (node,), name, precision=order.precision), request)
-    return order, plan, time.perf_counter() - started
+def _backend(device: Device | None) -> str:
+    return "opencl" if device else "numpy"
 
 
-def _execute(order: Order, plan: Plan, planning: float, device: Device | None, *further: Decision) -> Result:
-    timing = {"plan": planning}
-    sources = _sources(order)
-    image, reported = computed(plan, sources, device, timing)
-    findings = reported.get(order.operation.name)
-    if findings is None:  # dropped, since it returns its first input
-        unchanged = next(iter(order.images.values()), image).pixels
-        findings = order.operation.find(order.images, order.parameters, unchanged)
-    found = None
+def _prepared(read: Callable[[str], Order], named: str | None) -> Prepared:
+    def on(device: Device | None) -> Prepared:
+        started = time.perf_counter()
+        order = read(_backend(device))
+        facts = {key: Facts.of(_measured(value, device)) for key, value in order.images.items()}
+        order.refuse_flaws(facts)
+        request = dataclasses.replace(order.request, rates=times.current(order.request.backend))
+        plan = make_plan(Graph(facts, order.nodes, order.outputs, precision=order.precision), request)
+        return Prepared(order, plan, time.perf_counter() - started, device, None if named else on)
+
+    found = select_device(named)
+    try:
+        return on(found)
+    except DeviceFailure:  # while the range of a picture was measured
+        if named is not None or found is None:
+            raise
+        return on(None)
+
+
+def _execute(prepared: Prepared, *further: Decision) -> dict[str, Result]:
+    order, plan = prepared.order, prepared.plan
+    timing = {"plan": prepared.seconds}
+    images, findings = computed(plan, order.images, prepared.device, timing)
+    found: dict[str, Verification] = {}
     if order.verify:
         started = time.perf_counter()
-        found = verify(plan.graph, sources, image)
+        found = {name: verify(plan.graph.only(name), order.images, image) for name, image in images.items()}
         timing["verify"] = time.perf_counter() - started
-        if found.measured is None:
-            further = (*further, Decision("verify", "*", "left out", found.reason))
-    return Result(image, plan, "opencl" if device else "numpy", timing, (*plan.decisions, *further), found, findings)
-
-
-def _sources(order: Order) -> dict[str, Image]:
-    """The images by their names in the plan's graph."""
-    return {f"input.{key}": image for key, image in order.images.items()}
+        unmeasured = [(name, each) for name, each in found.items() if each.measured is None]
+        further = (*further, *(Decision("verify", name, "left out", each.reason) for name, each in unmeasured))
+    target = order.request.target
+    reported = findings.get(target, {}) if target else findings
+    decisions = (*plan.decisions, *further)
+    return {
+        name: Result(image, plan, _backend(prepared.device), timing, decisions, found.get(name), reported, name)
+        for name, image in images.items()
+    }
 
 
 def _measured(image: Image, device: Device | None) -> Image:

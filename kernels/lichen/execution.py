@@ -19,17 +19,19 @@ from lichen.memory import Array, aligned
 from lichen.opencl.device import Device
 from lichen.operation import Inputs
 from lichen.planning.graph import Graph, Node
+from lichen.planning.memory import last_readers
 from lichen.planning.plan import Plan
 
 Compute = Callable[[Node, Inputs], Array]
+Observe = Callable[[Node, Inputs, Array], None]
 Findings = dict[str, Mapping[str, Any]]
 """What nodes report beside their pixels, by their names."""
 
 
 def computed(
     plan: Plan, sources: Mapping[str, Image], device: Device | None, timing: MutableMapping[str, float]
-) -> tuple[Image, Findings]:
-    """What the plan gives on `device` (None: NumPy). Adds to `timing` the seconds of all nodes and of each."""
+) -> tuple[dict[str, Image], Findings]:
+    """What the plan gives on `device` (None: NumPy), by output. Adds to `timing` the seconds of nodes, all and each."""
     timing["kernel"] = 0.0
     findings: Findings = {}
 
@@ -41,19 +43,22 @@ def computed(
             pixels = by_method(node, inputs, device)
         timing[f"kernel.{node.name}"] = time.perf_counter() - started
         timing["kernel"] += timing[f"kernel.{node.name}"]
+        observed(node, inputs, pixels)
+        return pixels
+
+    def observed(node: Node, inputs: Inputs, pixels: Array) -> None:
         if node.operation.finds:
             started = time.perf_counter()
             findings[node.name] = node.operation.find(inputs, node.parameters, pixels)
             timing["findings"] = timing.get("findings", 0.0) + time.perf_counter() - started
-        return pixels
 
-    return walk(plan.graph, sources, timed), findings
+    return walk(plan.graph, sources, timed, observed), findings
 
 
 def exact(graph: Graph, sources: Mapping[str, Image]) -> Array:
-    """The exact output of a graph, float64: every node by its definition, nothing rounded in between. Slow."""
-    pixels = walk(graph.replace(precision=Precision.FLOAT64), sources, by_definition).pixels
-    return pixels.astype(np.float64, copy=False)
+    """The exact output of a graph that has one, float64: every node by definition, nothing rounded between. Slow."""
+    (made,) = walk(graph.replace(precision=Precision.FLOAT64), sources, by_definition).values()
+    return made.pixels.astype(np.float64, copy=False)
 
 
 def by_definition(node: Node, inputs: Inputs) -> Array:
@@ -80,11 +85,13 @@ def _single(image: Image) -> Image:
     return image if pixels is image.pixels else image.replace(pixels=pixels)
 
 
-def walk(graph: Graph, sources: Mapping[str, Image], compute: Compute) -> Image:
-    """Run the nodes in order and return the output."""
+def walk(
+    graph: Graph, sources: Mapping[str, Image], compute: Compute, observe: Observe = lambda *seen: None
+) -> dict[str, Image]:
+    """Run the nodes in order and return the outputs. Values are dropped after their last reader."""
     values = {name: _kept(image, graph.precision) for name, image in sources.items()}
     known = graph.facts()
-    last = {source: node.name for node in graph.nodes for source in node.inputs.values()}
+    last = last_readers(graph)
     for node in graph.nodes:
         inputs = {key: values[source] for key, source in node.inputs.items()}
         facts = known[node.name]
@@ -98,10 +105,14 @@ def walk(graph: Graph, sources: Mapping[str, Image], compute: Compute) -> Image:
             facts.pages,
         )
         values[node.name] = _kept(made, graph.precision)
-        for source in set(node.inputs.values()):
-            if last[source] == node.name and source != graph.output:
+        del inputs, model, made
+        for source in {node.name, *node.inputs.values()}:
+            if last.get(source) == node.name:
                 del values[source]
-    return values[graph.output]
+    for node in graph.observers:
+        seen = {key: values[source] for key, source in node.inputs.items()}
+        observe(node, seen, next(iter(seen.values())).pixels)
+    return {name: values[output.source] for name, output in graph.outputs.items()}
 
 
 def _kept(image: Image, precision: Precision) -> Image:

@@ -272,6 +272,9 @@ class Operation(Generic[P]):
     """facts of the output; its extent must contain every finite output value"""
     propagate: Callable[[P, InputFacts, float], float] = lambda parameters, facts, error: error
     """the largest change of the output when the pictures change by at most `error` (the modulus of continuity)"""
+    departure: Callable[[P, InputFacts], Mapping[str, float]] = lambda parameters, facts: {}
+    """how far the output is from an input at most, by the input's name, where that is known: an operation whose work
+    would not be seen hands on that input instead"""
     implied: Callable[[P, InputFacts], Mapping[str, Array] | str] = lambda parameters, facts: {}
     """inputs by name that were left out and depend on where a pixel lies: with them, crops of the inputs, wider by the
     footprint, give the crop of the result. Text says why nothing makes them do so."""

@@ -19,8 +19,10 @@ from lichen.accuracy.precision import Precision
 from lichen.catalogue import operation
 from lichen.errors import Flaw, InvalidRequest, NonfiniteInput, nearest
 from lichen.image import Alpha, Image, Space, Storage, as_image, repaired
-from lichen.operation import Operation, OperationParameters
-from lichen.planning.graph import Request
+from lichen.operation import Facts, Operation
+from lichen.planning.check import flaws_of, unfit, unmeasured
+from lichen.planning.graph import RESULT, Asked, Graph, Node, Output, Request
+from lichen.planning.pipeline import INPUT, Exit, Pipeline, escaped, nodes_of, read
 
 Picture = Image | npt.ArrayLike
 Named = TypeVar("Named", bound=StrEnum)
@@ -51,6 +53,7 @@ class Wish:
     prune: bool = True
     precision: Precision | str | None = None
     verify: bool = False
+    max_bytes: int | str | None = None
 
 
 RESERVED = tuple(field.name for field in dataclasses.fields(Wish))
@@ -59,27 +62,54 @@ BACKENDS = ("opencl", "numpy")
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """One operation, ready to be planned. `request.backend` is still to be filled in where the caller named none."""
+    """What is to be computed, ready to be planned: a single operation is a graph of one node."""
 
-    operation: Operation[Any]
-    parameters: OperationParameters
+    title: str
+    """what it is called in a sentence"""
+    nodes: tuple[Node, ...]
     images: Mapping[str, Image]
+    """by their names in the graph"""
+    outputs: Mapping[str, Output]
     request: Request
     precision: Precision = Precision.FLOAT32
     verify: bool = False
+    pointers: bool = False
+    """whether flaws of nodes are pointed at by the nodes' names"""
+
+    def refuse_flaws(self, sources: Mapping[str, Facts]) -> None:
+        """Raises `InvalidRequest` with all that parameters and pictures show only together; no pixel is looked at."""
+
+        def where(node: Node) -> str:
+            return f"/nodes/{escaped(node.name)}" if self.pointers else ""
+
+        flaws = flaws_of(self.nodes, sources, where)
+        if flaws:
+            raise InvalidRequest(f"This request for {self.title} is not valid.", flaws)
+
+    def expected(self) -> dict[str, Facts]:
+        """Size, channels, space and alpha of what will come out. No pixel is looked at, so extents mean nothing.
+
+        Raises `InvalidRequest` for pictures that an operation does not take.
+        """
+        sources = {name: unmeasured(image) for name, image in self.images.items()}
+        self.refuse_flaws(sources)
+        known = Graph(sources, self.nodes, self.outputs).facts()
+        return {name: known[output.source] for name, output in self.outputs.items()}
 
 
 def read_order(name: str, first: Picture | None, arguments: Mapping[str, Any], backend: str) -> Order:
-    """Check a call. `arguments` mixes reserved names, parameters, knobs and further inputs, as callers write them.
+    """Check a call of one operation. `arguments` mixes reserved names, parameters, knobs and further inputs, as callers
+    write them.
 
     Raises `UnknownOperation`, `InvalidRequest` with every flaw, `NonfiniteInput`.
     """
     wanted = operation(name)
     flaws: list[Flaw] = []
-    wish = Wish(**{key: value for key, value in arguments.items() if key in RESERVED})
-    values = {key: value for key, value in arguments.items() if key not in RESERVED}
-    request = _request(wanted, wish, backend, flaws)
-    precision = _enumerated(Precision, wish.precision, "precision", flaws) or Precision.FLOAT32
+    wish, values = _wish(arguments)
+    request, output, precision = _request(wish, backend, flaws)
+    if wish.method is not None and wish.method not in wanted.methods:
+        hint = nearest(wish.method, wanted.methods)
+        flaws.append(Flaw("/method", f"{wanted.name} has no method {wish.method!r}; {hint}"))
     if precision is Precision.FLOAT64 and (wish.method is not None or wanted.knobs.keys() & values.keys()):
         flaws.append(Flaw("/precision", "float64 evaluates the definition itself; leave out method and knobs"))
     names = {declared.name for declared in wanted.inputs}
@@ -92,29 +122,112 @@ def read_order(name: str, first: Picture | None, arguments: Mapping[str, Any], b
         flaws = [*invalid.flaws, *flaws]
     if parameters is None or flaws:
         raise InvalidRequest(f"This request for {name} is not valid.", flaws)
-    images = {key: _policed(key, image, Nonfinite(wish.nonfinite)) for key, image in images.items()}
-    if request.storage is None and images:
-        request = dataclasses.replace(request, storage=next(iter(images.values())).storage)
-    return Order(wanted, parameters, images, dataclasses.replace(request, knobs=knobs), precision, wish.verify)
+    node = Node(name, wanted, parameters, {key: INPUT + key for key in images}, asked=Asked(wish.method, knobs, None))
+    return Order(
+        name,
+        (node,),
+        _policed(images, Nonfinite(wish.nonfinite)),
+        {RESULT: dataclasses.replace(output, source=name, storage=output.storage or _storage(images))},
+        dataclasses.replace(request, target=name),
+        precision,
+        wish.verify,
+    )
 
 
-def _request(wanted: Operation[Any], wish: Wish, backend: str, flaws: list[Flaw]) -> Request:
+def read_pipeline_order(
+    said: Pipeline | Mapping[str, Any] | str | bytes,
+    given: Mapping[str, Picture],
+    arguments: Mapping[str, Any],
+    backend: str,
+) -> Order:
+    """Check a call of a pipeline, whose pictures are `given` by name. `arguments` holds reserved names.
+
+    Raises `InvalidRequest` with every flaw, `NonfiniteInput`.
+    """
+    flaws: list[Flaw] = []
+    wish, values = _wish(arguments)
+    flaws += [Flaw(f"/{key}", f"is not known here; {nearest(key, RESERVED)}") for key in values]
+    if wish.method is not None:
+        flaws.append(Flaw("/method", "is asked of a node of the pipeline"))
+    request, output, precision = _request(wish, backend, flaws)
+    pipeline: Pipeline | None = None
+    nodes: tuple[Node, ...] = ()
+    try:
+        pipeline = read(said)
+        nodes = nodes_of(pipeline)
+    except InvalidRequest as invalid:
+        flaws += invalid.flaws
+    images: dict[str, Image] = {}
+    if pipeline is not None:
+        images = _named_images(pipeline, given, flaws)
+        outputs = {name: _exit(name, each, output, images, flaws) for name, each in pipeline.outputs.items()}
+    if precision is Precision.FLOAT64:
+        asked = [node for node in nodes if node.asked.method or node.asked.knobs]
+        flaws += [
+            Flaw(f"/nodes/{node.name}", "has a method or knobs, and float64 evaluates definitions") for node in asked
+        ]
+    if pipeline is None or flaws:
+        raise InvalidRequest(f"The pipeline has {len(flaws)} flaw(s).", flaws)
+    policed = _policed(images, Nonfinite(wish.nonfinite))
+    return Order("a pipeline", nodes, policed, outputs, request, precision, wish.verify, pointers=True)
+
+
+def _named_images(pipeline: Pipeline, given: Mapping[str, Picture], flaws: list[Flaw]) -> dict[str, Image]:
+    images = {}
+    for name in pipeline.inputs:
+        if name not in given:
+            flaws.append(Flaw(f"/inputs/{escaped(name)}", "is read by the pipeline and was not given"))
+    for name, value in given.items():
+        if name not in pipeline.inputs:
+            flaws.append(Flaw(f"/inputs/{escaped(name)}", f"is not read; {nearest(name, pipeline.inputs)}"))
+            continue
+        try:
+            images[name] = as_image(value, pointer=f"/inputs/{escaped(name)}")
+        except InvalidRequest as invalid:
+            flaws.extend(invalid.flaws)
+    return images
+
+
+def _exit(name: str, said: Exit, usual: Output, images: Mapping[str, Image], flaws: list[Flaw]) -> Output:
+    """An output as the pipeline says, the caller's wishes where it says nothing."""
+    where = f"outputs/{escaped(name)}"
+    return Output(
+        said.node,
+        _enumerated(Space, said.space, f"{where}/space", flaws) or usual.space,
+        _enumerated(Alpha, said.alpha, f"{where}/alpha", flaws) or usual.alpha,
+        _enumerated(Storage, said.storage, f"{where}/storage", flaws) or usual.storage or _storage(images),
+    )
+
+
+def _storage(images: Mapping[str, Image]) -> Storage | None:
+    """How the first picture was stored."""
+    first = next(iter(images.values()), None)
+    return None if first is None else first.storage
+
+
+def _wish(arguments: Mapping[str, Any]) -> tuple[Wish, dict[str, Any]]:
+    """The reserved names, and the others."""
+    wish = Wish(**{key: value for key, value in arguments.items() if key in RESERVED})
+    return wish, {key: value for key, value in arguments.items() if key not in RESERVED}
+
+
+def _request(wish: Wish, backend: str, flaws: list[Flaw]) -> tuple[Request, Output, Precision]:
     _enumerated(Nonfinite, wish.nonfinite, "nonfinite", flaws)
-    if wish.method is not None and wish.method not in wanted.methods:
-        flaws.append(
-            Flaw("/method", f"{wanted.name} has no method {wish.method!r}; {nearest(wish.method, wanted.methods)}")
-        )
-    return Request(
+    limit = _positive(wish.max_bytes, "max_bytes", flaws)
+    request = Request(
         backend=backend,
         max_error=_positive(wish.max_error, "max_error", flaws),
         max_ms=_positive(wish.max_ms, "max_ms", flaws),
-        method=wish.method,
-        target=wanted.name,
         prune=wish.prune,
-        space=_enumerated(Space, wish.space, "space", flaws),
-        alpha=_enumerated(Alpha, wish.alpha, "alpha", flaws),
-        storage=_enumerated(Storage, wish.storage, "storage", flaws),
+        max_bytes=None if limit is None else int(limit),
     )
+    output = Output(
+        "",
+        _enumerated(Space, wish.space, "space", flaws),
+        _enumerated(Alpha, wish.alpha, "alpha", flaws),
+        _enumerated(Storage, wish.storage, "storage", flaws),
+    )
+    return request, output, _enumerated(Precision, wish.precision, "precision", flaws) or Precision.FLOAT32
 
 
 def _enumerated(kind: type[Named], value: str | None, key: str, flaws: list[Flaw]) -> Named | None:
@@ -178,25 +291,22 @@ def _images(
         except InvalidRequest as invalid:
             flaws.extend(invalid.flaws)
             continue
-        fewest, most = declared.channels
-        if image.channels < fewest or (most is not None and image.channels > most):
-            wants = f"{fewest}" if fewest == most else f"{fewest} to {most}" if most else f"at least {fewest}"
-            flaws.append(Flaw(pointer, f"must have {wants} channels (has {image.channels})"))
-        if image.pages > 1:
-            flaws.append(Flaw(pointer, f"must be one picture (has {image.pages} pages)"))
+        flaws += unfit(declared, unmeasured(image))
         images[declared.name] = image
     return images
 
 
-def _policed(name: str, image: Image, policy: Nonfinite) -> Image:
-    if policy is Nonfinite.PROPAGATE or not image.extent.nonfinite:
-        return image
-    if policy is Nonfinite.REJECT:
-        count = image.extent.nonfinite
+def _policed(images: Mapping[str, Image], policy: Nonfinite) -> dict[str, Image]:
+    """The pictures by their names in the graph, with what the caller wants done to NaN and infinity."""
+    if policy is Nonfinite.PROPAGATE:
+        return {INPUT + name: image for name, image in images.items()}
+    spoilt = {name: image.extent.nonfinite for name, image in images.items() if image.extent.nonfinite}
+    if policy is Nonfinite.REJECT and spoilt:
+        total = sum(spoilt.values())
         raise NonfiniteInput(
-            f"The input {name} holds {count} values that are NaN or infinite.",
-            [Flaw(f"/inputs/{name}", f"{count} values are NaN or infinite")],
+            f"The input(s) {', '.join(spoilt)} hold {total} values that are NaN or infinite.",
+            [Flaw(f"/inputs/{name}", f"{count} values are NaN or infinite") for name, count in spoilt.items()],
             limit=0,
-            actual=count,
+            actual=total,
         )
-    return repaired(image)
+    return {INPUT + name: repaired(image) if name in spoilt else image for name, image in images.items()}

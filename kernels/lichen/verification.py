@@ -120,7 +120,8 @@ def truth_of_tile(graph: Graph, sources: Mapping[str, Image], reach: Footprint, 
         return by_definition(node, {**inputs, **{key: Image(cropped(pixels)) for key, pixels in further.items()}})
 
     crops = {name: image.replace(pixels=cropped(image.pixels)) for name, image in sources.items()}
-    made = walk(_resized(graph, down.indices.size, across.indices.size), crops, compute).pixels
+    (whole,) = walk(_resized(graph, down.indices.size, across.indices.size), crops, compute).values()
+    made = whole.pixels
     rows, columns = tile[0][1] - tile[0][0], tile[1][1] - tile[1][0]
     return made[down.offset : down.offset + rows, across.offset : across.offset + columns].astype(np.float64)
 

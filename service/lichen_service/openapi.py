@@ -50,6 +50,7 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
             **asset_paths(),
             **job_paths(),
             accuracy_path_of("{name}"): _accuracy_path(operations),
+            "/v1/pipelines": _pipelines_path(),
             **{path_of(name): _path(each) for name, each in operations.items()},
         },
         "components": {"schemas": {"Problem": _problem_schema()}, "responses": _responses()},
@@ -111,6 +112,43 @@ def _accuracy_path(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
                 "304": _reference("Unchanged"),
                 "default": _reference("Problem"),
             },
+        }
+    }
+
+
+def _pipelines_path() -> dict[str, Any]:
+    options = [_parameter(name, each, False) for name, each in options_schema()["properties"].items()]
+    named = {"type": "object", "additionalProperties": {"type": "object"}}
+    document = {"type": "object", "properties": {"nodes": named, "outputs": named}, "required": ["nodes"]}
+    form = {
+        "type": "object",
+        "properties": {"pipeline": document},
+        "additionalProperties": {"type": "string", "format": "binary"},
+    }
+    images: dict[str, Any] = {
+        media_type: {"schema": {}} for each in FORMATS.values() for media_type in each.media_types
+    }
+    said = {
+        "name": "pipeline",
+        "in": "query",
+        "description": "the pipeline as text, such as gaussian:sigma=5|levels:gamma=1.2, or as JSON",
+        "schema": {"type": "string"},
+    }
+    return {
+        "post": {
+            "operationId": "runPipeline",
+            "summary": "Runs a graph of operations",
+            "description": "Nodes by name, each an operation with parameters and inputs: other nodes, or input.NAME "
+            "for a picture that is sent along. One output is answered as a picture, several as multipart/mixed.",
+            "parameters": [said, *(each for each in options if each["name"] != "method")],
+            "requestBody": {
+                "content": {
+                    **images,
+                    "application/json": {"schema": document},
+                    FORM: {"schema": form, "encoding": {"pipeline": {"contentType": "application/json"}}},
+                }
+            },
+            "responses": {"200": _reference("Image"), "304": _reference("Unchanged"), "default": _reference("Problem")},
         }
     }
 

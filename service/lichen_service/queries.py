@@ -90,6 +90,26 @@ def read(operation: Operation[Any], pairs: Sequence[tuple[str, str]]) -> tuple[Q
     return Query(options, values, assets), list(dict.fromkeys(flaws))
 
 
+def read_options(
+    pairs: Sequence[tuple[str, str]], further: Sequence[str]
+) -> tuple[Options, dict[str, str], list[Flaw]]:
+    """The options of a query that knows these names besides, their values, and everything that is wrong."""
+    flaws: list[Flaw] = []
+    given: dict[str, str] = {}
+    for name, value in pairs:
+        if name in given:
+            flaws.append(Flaw(f"/query/{_escaped(name)}", "is given more than once"))
+        elif name in RESERVED or name in further:
+            given[name] = value
+        else:
+            hint = nearest(name, {*RESERVED, *further})
+            flaws.append(Flaw(f"/query/{_escaped(name)}", f"is not a name known here; {hint}"))
+    options, wrong = _options({name: value for name, value in given.items() if name in RESERVED})
+    if options.format is not None and options.format not in FORMATS:
+        wrong.append(Flaw("/query/format", f"is not a format; {nearest(options.format, FORMATS)}"))
+    return options, {name: given[name] for name in further if name in given}, [*flaws, *wrong]
+
+
 def _known(operation: Operation[Any], name: str) -> bool:
     return name in RESERVED or name in operation.parameters.model_fields or name in operation.knobs
 
@@ -97,7 +117,12 @@ def _known(operation: Operation[Any], name: str) -> bool:
 def _pointer(operation: Operation[Any], name: str) -> str:
     """Where in a request a query name lives; options and unknown names stay in the query."""
     declared = name not in RESERVED and _known(operation, name)
-    return f"/{'parameters' if declared else 'query'}/{name.replace('~', '~0').replace('/', '~1')}"
+    return f"/{'parameters' if declared else 'query'}/{_escaped(name)}"
+
+
+def _escaped(name: str) -> str:
+    """A name as one step of a JSON pointer."""
+    return name.replace("~", "~0").replace("/", "~1")
 
 
 def _unknown(operation: Operation[Any], name: str) -> Flaw:

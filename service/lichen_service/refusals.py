@@ -147,4 +147,4 @@ def _relocated(pointer: str) -> str:
     head, _, rest = pointer.removeprefix("/").partition("/")
     if head == "knobs":
         return f"/parameters/{rest}"
-    return pointer if head in ("parameters", "inputs", "query") else f"/query{pointer}"
+    return pointer if head in ("parameters", "inputs", "query", "nodes", "outputs", "pipeline") else f"/query{pointer}"

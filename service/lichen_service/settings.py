@@ -115,6 +115,10 @@ class Settings:
     )
     burst: int = _setting(60, "requests that may come at once within that rate", 1, 10**9, limit="requests_at_once")
 
+    cache: int = _setting(
+        64 << 20, "bytes of answers one process keeps for whoever asks the same; 0 keeps none", 0, None
+    )
+
     calibrate: str = _switch("on", "whether a machine without measured times is measured, while idle")
 
     def environment(self) -> dict[str, str]:

@@ -21,6 +21,7 @@ from lichen_service.refusals import Refusal
 FORM = "multipart/form-data"
 UNTOLD = frozenset({"", "application/octet-stream", "application/x-www-form-urlencoded"})
 """Media types that leave it to the bytes to say what they are."""
+JSON = "application/json"
 FIRST = "image"
 """A part of this name stands for the first input, whatever that is called."""
 
@@ -71,6 +72,29 @@ def read(
     if not inputs:
         return {}, [Flaw("/inputs", "is not empty, but this operation reads no image")]
     return {inputs[0]: Upload(body, None if media_type in UNTOLD else media_type)}, []
+
+
+def read_with_document(
+    head: Head, body: Body, document: str, media_types: Collection[str], most: int
+) -> tuple[bytes | None, dict[str, Upload], list[Flaw]]:
+    """A JSON document with images: the parts of a form, the document being the one of this name, or the whole body as
+    either of both. Bodies of a type that says nothing are the document where they begin with a brace.
+
+    Raises as `read`.
+    """
+    media_type = check_type(head, {*media_types, JSON})
+    if media_type == JSON or (media_type in UNTOLD and bytes(body[:64]).lstrip()[:1] == b"{"):
+        return bytes(body), {}, []
+    if media_type != FORM:
+        return None, *read(head, body, [FIRST], media_types, most)
+    parts = _parts(head, body, most)
+    documents = [data for segment, data in parts if segment.name == document]
+    others = [(segment, data) for segment, data in parts if segment.name != document]
+    names = dict.fromkeys(segment.name or "" for segment, _ in others)
+    given, flaws = _name_parts(others, list(names), media_types)
+    if len(documents) > 1:
+        flaws.append(Flaw(f"/{document}", "is given more than once"))
+    return documents[0] if documents else None, given, flaws
 
 
 def _name_parts(

@@ -173,7 +173,7 @@ def choosing() -> None:
                 except InvalidRequest:
                     continue
                 request = Request(backend=backends()[0], target=chosen.name)
-                graph = light(Graph({f"input.{k}": f for k, f in facts.items()}, (node,), chosen.name), request)
+                graph = light(Graph.of({f"input.{k}": f for k, f in facts.items()}, (node,), chosen.name), request)
                 began = time.perf_counter()
                 choose(graph, request)
                 taken.append(time.perf_counter() - began)

@@ -186,7 +186,7 @@ def test_a_result_is_not_computed_twice(call: Caller, png: bytes, monkeypatch: p
     def refuse(*arguments: object, **options: object) -> None:
         raise AssertionError("the operation ran")
 
-    monkeypatch.setattr("lichen.engine.run", refuse)
+    monkeypatch.setattr("lichen.engine.Prepared.run", refuse)
     again = call("POST", f"{BLUR}?sigma=2.0", png, {"if-none-match": f'W/"x", {tag}'})
     assert (again.status, again.body, again.headers["ETag"]) == (304, b"", tag)
 
@@ -217,7 +217,7 @@ def test_the_same_request_gives_the_same_bytes(call: Caller, png: bytes) -> None
 
 
 def test_a_plan_is_explained_without_computing(call: Caller, png: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lichen.engine.run", None)
+    monkeypatch.setattr("lichen.engine.Prepared.run", None)
     response = call("POST", f"{BLUR}?sigma=2&explain=true", png)
     plan = read_json(response)
     assert response.status == 200
@@ -341,7 +341,7 @@ def test_a_failing_device_is_a_503_without_its_log(call: Caller, png: bytes, mon
     def fail(*arguments: object, **options: object) -> None:
         raise DeviceFailure("the kernel rows did not build\n/home/someone/cache: error")
 
-    monkeypatch.setattr("lichen.engine.run", fail)
+    monkeypatch.setattr("lichen.engine.Prepared.run", fail)
     response = call("POST", f"{BLUR}?sigma=2", png)
     problem = problem_of(response, 503, "device-failure")
     assert problem["retryable"] is True
@@ -353,7 +353,7 @@ def test_a_defect_is_a_500_that_says_nothing(call: Caller, png: bytes, monkeypat
     def fail(*arguments: object, **options: object) -> None:
         raise ZeroDivisionError("a secret of the inside")
 
-    monkeypatch.setattr("lichen.engine.run", fail)
+    monkeypatch.setattr("lichen.engine.Prepared.run", fail)
     response = call("POST", f"{BLUR}?sigma=2", png)
     problem_of(response, 500, "internal-error")
     assert "secret" not in bytes(response.body).decode()

@@ -107,8 +107,11 @@ def _told(failure: Exception) -> int | None:
 
 
 def _option(pointer: str) -> str:
-    """The option a JSON pointer speaks of: /parameters/max_error/0 is --max-error, /inputs/image is image."""
+    """What a JSON pointer speaks of: /parameters/max_error/0 is --max-error, /inputs/image is image, and
+    /nodes/soft/parameters/sigma is node soft parameters sigma."""
     kind, _, rest = pointer.lstrip("/").partition("/")
+    if kind in ("nodes", "outputs"):
+        return " ".join([kind.removesuffix("s"), *rest.split("/")])
     name = (rest or kind).partition("/")[0].replace("~1", "/").replace("~0", "~")
     return name if kind == "inputs" else "--" + name.replace("_", "-")
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,7 +37,7 @@ class Given:
 def read(operation: Operation[Any], arguments: Sequence[str]) -> Given:
     """Raises `Usage` where files are missing or an option lacks its value."""
     parser = build(operation)
-    tokens = _joined(arguments, parser)
+    tokens = joined(arguments, parser)
     unknown = _add_unknown(parser, tokens)
     try:
         given = vars(parser.parse_intermixed_args(tokens))
@@ -80,11 +80,17 @@ def build(operation: Operation[Any]) -> Parser:
         span = f"{knob.low:g} to {knob.high:g}"
         group.add_argument(_flag(knob.name), dest=knob.name, metavar="X", help=_percent(f"{knob.description}; {span}"))
     group = parser.add_argument_group("how to compute and to store")
-    for name, field in options_schema()["properties"].items():
-        known = {"method": operation.methods, "format": FORMATS}.get(name)
-        _add(group, name, {**field, "enum": list(known)} if known else field, False)
+    _add(group, "method", {**options_schema()["properties"]["method"], "enum": list(operation.methods)}, False)
+    add_wishes(group, {"method"})
     group.add_argument("--json", action="store_true", default=False, help="print the report as JSON")
     return parser
+
+
+def add_wishes(group: Any, but: Collection[str]) -> None:
+    """One option for each of the service's reserved names, but for some."""
+    for name, field in options_schema()["properties"].items():
+        if name not in but:
+            _add(group, name, {**field, "enum": list(FORMATS)} if name == "format" else field, False)
 
 
 def kind_of(field: Mapping[str, Any]) -> str:
@@ -126,7 +132,7 @@ def _add(group: Any, name: str, field: Mapping[str, Any], required: bool) -> Non
     group.add_argument(_flag(name), dest=name, metavar=metavar, help=_percent(help))
 
 
-def _joined(arguments: Sequence[str], parser: Parser) -> list[str]:
+def joined(arguments: Sequence[str], parser: Parser) -> list[str]:
     """Negative numbers tied to their option, since a bare -1e-3 looks like an option itself."""
     tokens: list[str] = []
     for token in arguments:

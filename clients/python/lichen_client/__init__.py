@@ -29,7 +29,8 @@ from lichen_client.errors import (
     Unavailable,
     Unprocessable,
 )
-from lichen_client.results import Error, Measured, Report, Result
+from lichen_client.pipeline import Pipeline
+from lichen_client.results import Error, Measured, Report, Result, Results
 from lichen_client.retry import Retries
 from lichen_client.version import __version__
 
@@ -46,9 +47,11 @@ __all__ = [
     "LichenClientError",
     "Measured",
     "NotFound",
+    "Pipeline",
     "RateLimited",
     "Report",
     "Result",
+    "Results",
     "Retries",
     "ServerError",
     "StatusError",

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Self
 
 from lichen_client import calls
 from lichen_client.calls import Call
 from lichen_client.errors import ConnectionFailed
-from lichen_client.results import Result
+from lichen_client.results import Result, Results
 from lichen_client.retry import Reply, Wait, conversation
 from lichen_client.transport import Transport, failures, reply_of
 
 if TYPE_CHECKING:
     from lichen_client.calls import ImageLike
+    from lichen_client.pipeline import Pipeline
 
 
 class AsyncClient(Transport):
@@ -37,6 +39,36 @@ class AsyncClient(Transport):
     ) -> dict[str, Any]:
         """As `Client.explain`."""
         call = await asyncio.to_thread(calls.run_call, operation, image, values, format=format, explain=True)
+        return await self._document(call)
+
+    async def run_pipeline(
+        self,
+        pipeline: Pipeline | Mapping[str, Any] | str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> Results:
+        """As `Client.run_pipeline`."""
+        call = await asyncio.to_thread(calls.pipeline_call, pipeline, image, images, wishes, format=format)
+        return calls.read_results(await self._converse(call))
+
+    async def explain_pipeline(
+        self,
+        pipeline: Pipeline | Mapping[str, Any] | str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> dict[str, Any]:
+        """As `Client.explain_pipeline`."""
+        call = await asyncio.to_thread(
+            calls.pipeline_call, pipeline, image, images, wishes, format=format, explain=True
+        )
         return await self._document(call)
 
     async def operations(self) -> dict[str, Any]:

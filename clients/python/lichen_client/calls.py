@@ -17,7 +17,6 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, urlencode, urlsplit
@@ -25,8 +24,10 @@ from urllib.parse import quote, urlencode, urlsplit
 from lichen_client.errors import ConnectionFailed, status_error
 from lichen_client.npy import MEDIA_TYPE as NPY
 from lichen_client.npy import to_npy
-from lichen_client.results import Result
+from lichen_client.pipeline import Pipeline, document_of
+from lichen_client.results import Result, Results
 from lichen_client.retry import Reply, retry_after
+from lichen_client.values import as_text
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -96,7 +97,7 @@ def run_call(
 ) -> Call:
     """The request that runs (or only explains) an operation."""
     images = {name: value for name, value in values.items() if _is_image(value)}
-    parameters = {name: _text(value) for name, value in values.items() if name not in images and value is not None}
+    parameters = {name: as_text(value) for name, value in values.items() if name not in images and value is not None}
     if image is not None:
         if _FIRST in images:
             raise TypeError("the first image is given twice")
@@ -109,6 +110,39 @@ def run_call(
         parts=parts,
         accept="application/json" if explain else "*/*",
     )
+
+
+def pipeline_call(
+    pipeline: Pipeline | Mapping[str, Any] | str,
+    image: Any,
+    images: Mapping[str, Any] | None,
+    wishes: Mapping[str, Any],
+    *,
+    format: str | None,
+    explain: bool = False,
+) -> Call:
+    """The request that runs (or only explains) a pipeline: a form of the pipeline and its pictures."""
+    given = dict(images or {})
+    if image is not None:
+        if _FIRST in given:
+            raise TypeError("the first image is given twice")
+        given = {_FIRST: image, **given}
+    said = document_of(pipeline).encode()
+    parts = (Part("pipeline", said, "application/json"), *(_part(name, value) for name, value in given.items()))
+    asked = {name: as_text(value) for name, value in wishes.items() if value is not None}
+    wanted = {} if format is None else {"format": format}
+    query = urlencode({**asked, **wanted, **({"explain": "true"} if explain else {})}, quote_via=quote)
+    return Call(
+        method="QUERY",
+        target="/v1/pipelines" + (f"?{query}" if query else ""),
+        parts=parts,
+        accept="application/json" if explain else f"multipart/mixed, {_form_of(format)};q=0.9",
+    )
+
+
+def _form_of(format: str | None) -> str:
+    """What outputs come as where the pipeline does not say: arrays, or the format that was named."""
+    return NPY if format is None else "*/*"
 
 
 def get_call(*path: str) -> Call:
@@ -125,6 +159,15 @@ def read_result(reply: Reply) -> Result:
         except ValueError as broken:
             raise ConnectionFailed(f"the answer holds no readable array: {broken}") from broken
     return result
+
+
+def read_results(reply: Reply) -> Results:
+    """The results in an answer of several parts. Raises as `read_result`."""
+    _require_success(reply)
+    try:
+        return Results.read(reply)
+    except ValueError as broken:
+        raise ConnectionFailed(f"the answer cannot be taken apart: {broken}") from broken
 
 
 def read_json(reply: Reply) -> dict[str, Any]:
@@ -159,24 +202,3 @@ def _part(name: str, value: Any) -> Part:
     if isinstance(value, str | os.PathLike):
         return Part(name, Path(value).read_bytes(), _UNTOLD)
     return Part(name, to_npy(value), NPY)
-
-
-def _text(value: Any) -> str:
-    """A parameter as the query carries it."""
-    value = _plain(value)
-    if isinstance(value, str):
-        return value
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, int | float) else json.dumps(value, separators=(",", ":"), default=_plain)
-
-
-def _plain(value: Any) -> Any:
-    """Enumerations by value, NumPy's numbers and vectors as Python's own, tuples as lists."""
-    if isinstance(value, Enum):
-        return _plain(value.value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    if isinstance(value, str | bool | int | float | list | tuple | dict) or value is None:
-        return value
-    raise TypeError(f"a parameter is a number, text, boolean, sequence or mapping, not {type(value).__name__}")

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Self
 
 from lichen_client import calls
 from lichen_client.calls import Call
 from lichen_client.errors import ConnectionFailed
-from lichen_client.results import Result
+from lichen_client.results import Result, Results
 from lichen_client.retry import Reply, Wait, conversation
 from lichen_client.transport import Transport, failures, reply_of
 
 if TYPE_CHECKING:
     from lichen_client.calls import ImageLike
+    from lichen_client.pipeline import Pipeline
 
 
 class Client(Transport):
@@ -50,6 +52,43 @@ class Client(Transport):
     ) -> dict[str, Any]:
         """The plan the service would follow for the same `run`, and why; no pixel is computed."""
         call = calls.run_call(operation, image, values, format=format, explain=True)
+        return self._document(call)
+
+    def run_pipeline(
+        self,
+        pipeline: Pipeline | Mapping[str, Any] | str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> Results:
+        """Runs a pipeline and returns its results by the names of its outputs.
+
+        pipeline: a `Pipeline`, a mapping of nodes and outputs, or the text form, such as
+            "gaussian:sigma=5|levels:gamma=1.2", whose output is called `result`.
+        image: the picture that nodes read as `input.image`; `images` holds all of them by name.
+        format: of outputs that name none; without it they are arrays.
+        wishes: the service's own: max_error, max_ms, device, nonfinite, storage, space, precision, verify ...
+
+        Raises as `run`.
+        """
+        call = calls.pipeline_call(pipeline, image, images, wishes, format=format)
+        return calls.read_results(self._converse(call))
+
+    def explain_pipeline(
+        self,
+        pipeline: Pipeline | Mapping[str, Any] | str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> dict[str, Any]:
+        """The plan the service would follow for the same `run_pipeline`, and why; no pixel is computed."""
+        call = calls.pipeline_call(pipeline, image, images, wishes, format=format, explain=True)
         return self._document(call)
 
     def operations(self) -> dict[str, Any]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -12,11 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 from lichen_client.npy import MEDIA_TYPE as NPY
 from lichen_client.npy import from_npy
+from lichen_client.retry import Reply
 
 if TYPE_CHECKING:
     import numpy as np
-
-    from lichen_client.retry import Reply
 
 _SUFFIXES = {
     ".npy": NPY,
@@ -172,3 +173,61 @@ class Result:
             part.replace(target)
         finally:
             part.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True)
+class Results(Mapping[str, Result]):
+    """What a pipeline made, by the names of its outputs."""
+
+    outputs: Mapping[str, Result]
+    findings: Mapping[str, Any]
+    """what its operations report beside pixels, by the names of the nodes"""
+    maps: Mapping[str, Result]
+    """with `verify=True`: pictures of the errors that were found, by the names of the outputs"""
+
+    def __getitem__(self, name: str) -> Result:
+        return self.outputs[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.outputs)
+
+    def __len__(self) -> int:
+        return len(self.outputs)
+
+    @classmethod
+    def read(cls, reply: Reply) -> Results:
+        """From an answer of several parts. Raises ValueError where it is none."""
+        outputs: dict[str, Result] = {}
+        maps: dict[str, Result] = {}
+        findings: dict[str, Any] = {}
+        for headers, body in _parts(reply):
+            media_type = headers.get("content-type", "").partition(";")[0].strip().lower()
+            if media_type == "application/json":
+                findings = json.loads(body)
+                continue
+            result = Result.read(Reply(reply.status, {**reply.headers, **headers}, body))
+            into = maps if "lichen-map" in headers else outputs
+            into[headers.get("lichen-output", "result")] = result
+        return cls(outputs, findings, maps)
+
+
+def _parts(reply: Reply) -> Iterator[tuple[dict[str, str], bytearray]]:
+    """Headers (lower-case) and bodies of a multipart body (RFC 2046). Raises ValueError."""
+    content_type = reply.headers.get("content-type", "")
+    found = re.search(r'boundary="?([^";]+)"?', content_type)
+    if found is None or not content_type.lower().startswith("multipart/"):
+        raise ValueError(f"it is {content_type or 'of unknown type'}, not multipart")
+    mark = b"--" + found[1].encode()
+    at = reply.body.find(mark)
+    while at >= 0:
+        at += len(mark)
+        if reply.body[at : at + 2] == b"--":
+            return
+        begin, end = reply.body.find(b"\r\n\r\n", at), reply.body.find(b"\r\n" + mark, at)
+        if begin < 0 or end < begin:
+            break
+        lines = reply.body[at:begin].decode("latin-1").strip().split("\r\n")
+        headers = {name.strip().lower(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
+        yield headers, reply.body[begin + 4 : end]
+        at = end + 2
+    raise ValueError("a part has no end")

@@ -1,4 +1,4 @@
-"""The graph that passes rewrite: sources, nodes in the order they run, one output.
+"""The graph that passes rewrite: sources, nodes in the order they run, and what comes out.
 
 Graphs are values. A pass takes one and returns another, with what it decided added to `decisions`; nothing here looks
 at a pixel.
@@ -13,18 +13,24 @@ from typing import Any
 
 from lichen.accuracy.precision import Precision, keeping
 from lichen.image import Alpha, Space, Storage
-from lichen.operation import Error, Facts, Operation, OperationParameters, Rate
+from lichen.operation import Error, Facts, Method, Operation, OperationParameters, Rate
+from lichen.planning import predict
+
+RESULT = "result"
+"""The output of a graph that has one and does not name it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What a pass did to a node, and why. `bound` is the largest change of the output it can cause."""
+    """What a pass did to a node, and why. `bound` is the largest change of the output it can cause, `saved_ms` the
+    predicted milliseconds that it saves."""
 
     pass_: str
     node: str
     action: str
     reason: str
     bound: float = 0.0
+    saved_ms: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -33,6 +39,7 @@ class Decision:
             "action": self.action,
             "reason": self.reason,
             "bound": self.bound,
+            "saved_ms": self.saved_ms,
         }
 
 
@@ -46,11 +53,29 @@ class Candidate:
     seconds: float
     unfit: str | None = None
     """why it cannot be taken at all"""
+    passes: str | None = None
+    """the input that is handed on as it is, where the method is to leave the node out"""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the caller asked of one node: it narrows the candidates."""
+
+    method: str | None = None
+    knobs: Mapping[str, float] = field(default_factory=dict)
+    max_error: float | None = None
+    """the largest error that the node's own method may add"""
+
+
+FREE = Asked()
 
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """One operation to run. `inputs` maps its input names to the names of nodes or sources."""
+    """One operation to run. `inputs` maps its input names to the names of nodes or sources.
+
+    `inherited` is by how much what an input reads may be off because work before it was left out.
+    """
 
     name: str
     operation: Operation[Any]
@@ -58,11 +83,47 @@ class Node:
     inputs: Mapping[str, str]
     choice: Candidate | None = None
     alternatives: tuple[Candidate, ...] = ()
+    asked: Asked = FREE
+    inherited: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def first(self) -> str:
-        """What its first input reads."""
-        return next(iter(self.inputs.values()))
+    def first(self) -> str | None:
+        """What its first input reads; None where it reads nothing."""
+        return next(iter(self.inputs.values()), None)
+
+    def result(self, facts: Mapping[str, Facts]) -> Facts:
+        """Facts of what it makes."""
+        return predict.result(self._key(facts))
+
+    def carried(self, facts: Mapping[str, Facts], error: float) -> float:
+        """What an error of its inputs becomes behind it."""
+        return predict.carried(self._key(facts), error) if error else 0.0
+
+    def offers(self, facts: Mapping[str, Facts]) -> Mapping[tuple[str, float | None], predict.Offer]:
+        """What its methods state, at all values of their knobs."""
+        return predict.offers(self._key(facts))
+
+    def offer(self, facts: Mapping[str, Facts], method: str, knob: float | None) -> predict.Offer:
+        """What one of its methods states at one setting."""
+        return predict.offer(self._key(facts), method, knob)
+
+    def _key(self, facts: Mapping[str, Facts]) -> predict.Key:
+        known = tuple([facts[source] for source in self.inputs.values()])
+        return self.operation, self.parameters, tuple(self.inputs), known
+
+    def replace(self, **changes: Any) -> Node:
+        return dataclasses.replace(self, **changes)
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What comes out: the value of a node or a source, and the form in which it is wanted (None: as it is)."""
+
+    source: str
+    space: Space | None = None
+    alpha: Alpha | None = None
+    storage: Storage | None = None
+    inherited: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,44 +133,51 @@ class Request:
     backend: str = "numpy"
     max_error: float | None = None
     max_ms: float | None = None
-    method: str | None = None
-    """for the node called `target`"""
-    knobs: Mapping[str, float] = field(default_factory=dict)
     target: str = ""
+    """the node whose method stands for the whole; empty for pipelines"""
     prune: bool = True
-    space: Space | None = None
-    alpha: Alpha | None = None
-    storage: Storage | None = None
     rates: Mapping[tuple[str, str], Rate] = field(default_factory=dict)
     """of (operation, method) for the backend in use, as measured on this machine; the declared ones otherwise"""
+    max_bytes: int | None = None
+    """of images that a plan may hold at once"""
+
+    def rate(self, operation: Operation[Any], method: Method[Any]) -> Rate:
+        """How fast a method is."""
+        return self.rates.get((operation.name, method.name)) or method.rates[self.backend]
 
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """Sources by name with their facts, nodes in running order, and the name of what comes out."""
+    """Sources by name with their facts, nodes in running order, and what comes out by name."""
 
     sources: Mapping[str, Facts]
     nodes: tuple[Node, ...]
-    output: str
+    outputs: Mapping[str, Output]
     decisions: tuple[Decision, ...] = ()
     precision: Precision = Precision.FLOAT32
     """in which sources and results are kept"""
+    observers: tuple[Node, ...] = ()
+    """nodes that return their first input and only report what they find in it"""
+
+    @classmethod
+    def of(cls, sources: Mapping[str, Facts], nodes: Iterable[Node], output: str, **further: Any) -> Graph:
+        """A graph out of which the value called `output` comes as it is."""
+        return cls(sources, tuple(nodes), {RESULT: Output(output)}, **further)
+
+    @property
+    def output(self) -> str:
+        """The name of what comes out first."""
+        return next(iter(self.outputs.values())).source
 
     def facts(self) -> dict[str, Facts]:
         """Facts of every source and node, forward through the graph."""
         known = {name: keeping(facts, self.precision) for name, facts in self.sources.items()}
         for node in self.nodes:
-            made = node.operation.result(node.parameters, inputs_of(node, known))
-            known[node.name] = keeping(made, self.precision)
+            known[node.name] = keeping(node.result(known), self.precision)
         return known
 
     def node(self, name: str) -> Node | None:
         return next((node for node in self.nodes if node.name == name), None)
-
-    def readers(self, name: str) -> int:
-        """How many inputs, the graph's output included, read `name`."""
-        read = sum(source == name for node in self.nodes for source in node.inputs.values())
-        return read + (self.output == name)
 
     def replace(self, **changes: Any) -> Graph:
         return dataclasses.replace(self, **changes)
@@ -117,17 +185,57 @@ class Graph:
     def deciding(self, decisions: Iterable[Decision]) -> Graph:
         return self.replace(decisions=(*self.decisions, *decisions))
 
-    def bypass(self, name: str, successor: str) -> Graph:
-        """Without the node `name`; whoever read it reads `successor`."""
-        nodes = tuple(
-            dataclasses.replace(
-                node,
-                inputs={key: successor if source == name else source for key, source in node.inputs.items()},
-            )
-            for node in self.nodes
-            if node.name != name
+    def reading(self, moved: Mapping[str, Moved]) -> Graph:
+        """Without the nodes in `moved`; whoever read one of them reads what it moved to."""
+        if not moved:
+            return self
+        outputs = {
+            name: dataclasses.replace(each, source=to.source, inherited=each.inherited + to.change)
+            if (to := moved.get(each.source))
+            else each
+            for name, each in self.outputs.items()
+        }
+        return self.replace(
+            nodes=tuple(rewired(node, moved) for node in self.nodes if node.name not in moved),
+            observers=tuple(rewired(node, moved) for node in self.observers),
+            outputs=outputs,
         )
-        return self.replace(nodes=nodes, output=successor if self.output == name else self.output)
+
+    def only(self, output: str) -> Graph:
+        """What leads to one of the outputs."""
+        alone = self.replace(outputs={output: self.outputs[output]}, observers=())
+        needed = alone.needed()
+        return alone.replace(nodes=tuple(node for node in self.nodes if node.name in needed))
+
+    def needed(self) -> set[str]:
+        """Names of all nodes and sources whose value reaches an output or an observer."""
+        found = {each.source for each in self.outputs.values()}
+        for node in self.observers:
+            found.update(node.inputs.values())
+        for node in reversed(self.nodes):
+            if node.name in found:
+                found.update(node.inputs.values())
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """Where the value of a node that was left out is found, and by how much it differs from it at most."""
+
+    source: str
+    change: float = 0.0
+
+
+def rewired(node: Node, moved: Mapping[str, Moved]) -> Node:
+    """The node with its inputs read from where they moved to."""
+    if moved.keys().isdisjoint(node.inputs.values()):
+        return node
+    inputs = {key: moved[source].source if source in moved else source for key, source in node.inputs.items()}
+    inherited = dict(node.inherited)
+    for key, source in node.inputs.items():
+        if source in moved and moved[source].change:
+            inherited[key] = inherited.get(key, 0.0) + moved[source].change
+    return node.replace(inputs=inputs, inherited=inherited)
 
 
 def inputs_of(node: Node, facts: Mapping[str, Facts]) -> dict[str, Facts]:

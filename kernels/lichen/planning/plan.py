@@ -11,17 +11,20 @@ from typing import Any
 
 from lichen.accuracy.precision import Precision
 from lichen.operation import Error
-from lichen.planning.choose import choose, total_error, total_seconds
+from lichen.planning.choose import choose
+from lichen.planning.error import errors, total_error, total_seconds
 from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
 from lichen.planning.light import light
-from lichen.planning.prune import identity, unread
+from lichen.planning.memory import peak_bytes, refuse_too_large
+from lichen.planning.prune import identity, shared, unread
+from lichen.planning.settle import settle
 from lichen.planning.verdicts import verdicts
 
 Pass = Callable[[Graph, Request], Graph]
 
-PRUNING: tuple[Pass, ...] = (unread, identity)
+PRUNING: tuple[Pass, ...] = (unread, shared, identity)
 """left out by `prune=false`"""
-NEEDED: tuple[Pass, ...] = (light, choose)
+NEEDED: tuple[Pass, ...] = (light, choose, settle)
 ENGINE_VERSION = "1"
 """Part of every plan's digest; raise it when the same plan gives other bytes."""
 
@@ -46,9 +49,19 @@ class Plan:
         return {node.name: node.choice for node in self.nodes if node.choice is not None}
 
     @cached_property
+    def errors(self) -> dict[str, Error]:
+        """Predicted error of every output."""
+        return errors(self.graph, self.graph.facts(), self._choices)
+
+    @property
     def error(self) -> Error:
-        """Predicted error of the output."""
-        return total_error(self.graph, self.graph.facts(), self._choices)
+        """The largest predicted error of any output."""
+        return max(self.errors.values(), key=lambda error: error.value)
+
+    @cached_property
+    def peak_bytes(self) -> int:
+        """Bytes of images held at once, at most."""
+        return peak_bytes(self.graph, self.graph.facts())
 
     @property
     def seconds(self) -> float:
@@ -57,21 +70,19 @@ class Plan:
 
     @property
     def method(self) -> str:
-        """How the node the caller asked for is computed; `identity` if it was dropped."""
+        """How the node the caller asked for is computed, `identity` if it was dropped; of a pipeline all nodes."""
+        if not self.request.target:
+            return ", ".join(f"{node.name}={_method(node)}" for node in self.nodes) or "identity"
         node = self.graph.node(self.request.target)
-        if node is None or node.choice is None:
-            return "identity"
-        if node.choice.knob is None:
-            return node.choice.method
-        knob = node.operation.methods[node.choice.method].knob
-        assert knob is not None, "only knobs have settings"
-        return f"{node.choice.method}; {knob.name}={node.choice.knob:g}"
+        return "identity" if node is None else _method(node)
 
     @cached_property
     def digest(self) -> str:
         """Hexadecimal SHA-256 of all that decides the bytes of the result, the pixels aside."""
         nodes = [_node_to_json(node) for node in self.nodes]
-        said = [ENGINE_VERSION, self.request.backend, self.graph.precision, self.graph.output, nodes]
+        outputs = {name: each.source for name, each in self.graph.outputs.items()}
+        observers = [_node_to_json(node) for node in self.graph.observers]
+        said = [ENGINE_VERSION, self.request.backend, self.graph.precision, outputs, nodes, observers]
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> dict[str, Any]:
@@ -80,10 +91,14 @@ class Plan:
             "device": self.request.backend,
             "precision": self.graph.precision,
             "method": self.method,
-            "error": {"value": self.error.value, "kind": self.error.kind, "metric": "max"},
+            "error": _error_to_json(self.error),
             "milliseconds": self.seconds * 1e3,
+            "peak_bytes": self.peak_bytes,
             "nodes": [{**_node_to_json(node), "alternatives": self._alternatives(node)} for node in self.nodes],
-            "output": self.graph.output,
+            "outputs": {
+                name: {"node": each.source, "error": _error_to_json(self.errors[name])}
+                for name, each in self.graph.outputs.items()
+            },
             "decisions": [decision.to_json() for decision in self.decisions],
             "digest": self.digest,
         }
@@ -97,6 +112,7 @@ def make_plan(graph: Graph, request: Request) -> Plan:
     """Run the passes. Raises what they raise: `InvalidRequest`, `Unattainable`."""
     for step in (*PRUNING, *NEEDED) if request.prune else NEEDED:
         graph = step(graph, request)
+    refuse_too_large(graph, request)
     return Plan(graph.deciding(_storing(graph)), request)
 
 
@@ -112,6 +128,21 @@ def _storing(graph: Graph) -> list[Decision]:
     computed = graph.replace(precision=Precision.FLOAT32)
     bound = max(stored - total_error(computed, computed.facts(), choices).value, 0.0)
     return [Decision("precision", "*", f"kept in {precision}", "inputs and every result are stored in it", bound)]
+
+
+def _method(node: Node) -> str:
+    """The method of a node with its knob."""
+    choice = node.choice
+    assert choice is not None, "every node of a plan has its choice"
+    if choice.knob is None:
+        return choice.method
+    knob = node.operation.methods[choice.method].knob
+    assert knob is not None, "only knobs have settings"
+    return f"{choice.method}; {knob.name}={choice.knob:g}"
+
+
+def _error_to_json(error: Error) -> dict[str, Any]:
+    return {"value": error.value, "kind": error.kind, "metric": "max"}
 
 
 def _node_to_json(node: Node) -> dict[str, Any]:

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from lichen.operation import Error, Facts
-from lichen.planning.choose import Choices, measures, target_error, total_error, total_seconds
+from lichen.planning.budget import share
+from lichen.planning.choose import measures, target_error
+from lichen.planning.error import Choices, errors, total_error, total_seconds
 from lichen.planning.graph import Candidate, Graph, Node, Request
 
 
@@ -34,6 +36,8 @@ class _Judge:
     def verdict(self, offer: Candidate) -> str:
         if offer.unfit is not None:
             return f"not possible: {offer.unfit}"
+        if offer.passes is not None:
+            return f"not accurate enough: leaving it out changes the picture by up to {offer.error.value:.3g}"
         if (offer.method, offer.knob) == (self.taken.method, self.taken.knob):
             return "taken"
         return self._timed(offer) if self.request.max_ms is not None else self._accurate(offer)
@@ -65,21 +69,34 @@ class _Judge:
 
     def _accurate(self, offer: Candidate) -> str:
         """Where an error is asked for, or none at all: the fastest whose error is small enough."""
-        target = target_error(self._facts[self.graph.output], self.request)
-        measure = self._governing(target)
+        measure = self._governing()
         if measure is None:
-            return f"no setting promises {target:.3g}; {self._customary(offer)}"
+            return f"no setting promises {min(self._targets.values()):.3g}; {self._customary(offer)}"
         name, value = measure
-        found = value(self._error(offer))
+        found, target = self._tightest(offer, value)
         if found > target:
             asked = "asked" if self.request.max_error is not None else "a quarter of the output's quantum is"
             return f"not accurate enough: {name} of {found:.3g}, {asked} {target:.3g}"
         return f"accurate enough, but {self._slower(offer)}"
 
-    def _governing(self, target: float) -> tuple[str, Callable[[Error], float]] | None:
+    def _governing(self) -> tuple[str, Callable[[Error], float]] | None:
         """The error by which the choice was made: the first of them by which the taken candidate is good enough."""
-        error = self._error(self.taken)
-        return next(((name, value) for name, value in measures(self.request) if value(error) <= target), None)
+        for name, value in measures(self.request):
+            found, target = self._tightest(self.taken, value)
+            if found <= target:
+                return name, value
+        return None
+
+    def _tightest(self, offer: Candidate, value: Callable[[Error], float]) -> tuple[float, float]:
+        """The error and the target of the output that uses up most of what it is allowed."""
+        found = errors(self.graph, self._facts, {**self._choices, self.node.name: offer})
+        pairs = [(value(error), self._targets[name]) for name, error in found.items()]
+        return max(pairs, key=lambda pair: share(*pair))
+
+    @cached_property
+    def _targets(self) -> Mapping[str, float]:
+        outputs = self.graph.outputs.items()
+        return {name: target_error(self._facts[each.source], each, self.request) for name, each in outputs}
 
     def _customary(self, offer: Candidate) -> str:
         """Where nothing meets the target the operation's customary setting is taken, if it declares one."""

@@ -14,7 +14,7 @@ without computing.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from enum import StrEnum
 from typing import Any
@@ -28,13 +28,14 @@ from lichen.operation import Facts, Operation
 from lichen.order import read_order
 from lichen_service import mixed, queries, uploads
 from lichen_service.assets import Assets
+from lichen_service.cache import Answers
 from lichen_service.decoding.pool import Decoders
 from lichen_service.documents import canonical, content_digest, matches, momentary
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
-from lichen_service.http.message import Body, Request, Response
+from lichen_service.http.message import Body, Head, Request, Response
 from lichen_service.memory import reserve, to_decode, to_run
 from lichen_service.negotiation import prefers
-from lichen_service.queries import Query
+from lichen_service.queries import Options, Query
 from lichen_service.refusals import relocated
 from lichen_service.reports import SKIPPING, report
 from lichen_service.routes.assets import resolve
@@ -45,15 +46,14 @@ from lichen_service.uploads import Upload
 
 Uploads = Mapping[str, Upload]
 JSON = "application/json"
-FORESEEN = 1 << 16
-"""Samples of the inputs from which a run is predicted first, so that one which takes too long does not begin."""
 
 
 class Running:
-    def __init__(self, settings: Settings, assets: Assets, decoders: Decoders) -> None:
+    def __init__(self, settings: Settings, assets: Assets, decoders: Decoders, answers: Answers) -> None:
         self._settings = settings
         self._decoders = decoders
         self._assets = assets
+        self._answers = answers
         self._limits = Limits(
             pixels=settings.max_pixels,
             side=settings.max_side,
@@ -68,9 +68,9 @@ class Running:
         stages = Stages(request.head, self._settings.request_timeout)
         operation = catalogue.operation(name)
         query, given = self._read(operation, request)
-        digests = self._hashing.submit(_digests, given)
+        digests = self.digests(given)
         with stages.stage("decode"):
-            images = self._decode(given)
+            images = self.decode(given)
         with relocated():
             facts = _expected(operation, query, images)
             reserve(to_run(facts))
@@ -97,38 +97,55 @@ class Running:
         stages: Stages,
     ) -> Response:
         head, options = request.head, query.options
-        first, arguments = _arguments(operation, query, images, delivery)
-        asks_for_news = "if-none-match" in head.headers and not options.verify
-        large = not images or sum(image.pixels.size for image in images.values()) >= FORESEEN
-        if options.explain or asks_for_news or large:
-            with stages.stage("plan"):
-                plan = engine.explain(operation.name, first, **arguments)
-            if options.explain:
-                return _plan_document(plan.to_json(), delivery, stages)
-            if asks_for_news and matches(head, tag := _entity_tag(digests.result(), plan.digest, delivery, shape)):
-                return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
-            stages.afford(plan.seconds)
-        with stages.stage("run"):
-            result = engine.run(operation.name, first, **arguments)
-        stages.split("run", result.timing)
-        with stages.stage("encode"):
-            encoded = None
-            if shape is not Shape.FINDINGS:
-                encoded = encode(result.image, delivery.format.name, storage=delivery.storage)
-            content_type, body = _body(result, encoded, delivery, shape)
-        with stages.stage("digest"):
-            tag = _entity_tag(digests.result(), result.plan.digest, delivery, shape)
-            headers = {
-                "Content-Type": content_type,
-                "Content-Digest": content_digest(body),
-                # Without a tag where the measurement is what was asked for: an answer of 304 would hold none.
-                **({} if options.verify else {"ETag": tag}),
-                "Cache-Control": "no-cache",
-                "Vary": "Accept",
-                **report(result, delivery.storage, encoded),
-            }
-        headers["Server-Timing"] = stages.header()
-        return Response(200, body, headers, _log(operation, images, result, stages))
+        first, arguments = _arguments(operation, query, images, delivery, self._settings)
+        with stages.stage("plan"):
+            prepared = engine.prepare(operation.name, first, **arguments)
+        if options.explain:
+            return _plan_document(prepared.plan.to_json(), delivery, stages)
+        tag = entity_tag(digests.result(), prepared.plan.digest, [form_of(delivery), shape])
+        if "if-none-match" in head.headers and not options.verify and matches(head, tag):
+            return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
+        stages.afford(prepared.plan.seconds)
+
+        def compute() -> Response:
+            with stages.stage("run"):
+                (result,) = prepared.run().values()
+            stages.split("run", {name: taken for name, taken in result.timing.items() if name != "plan"})
+            with stages.stage("encode"):
+                encoded = None
+                if shape is not Shape.FINDINGS:
+                    encoded = encode(result.image, delivery.format.name, storage=delivery.storage)
+                content_type, body = _body(result, encoded, delivery, shape)
+            with stages.stage("digest"):
+                headers = {
+                    "Content-Type": content_type,
+                    "Content-Digest": content_digest(body),
+                    # Without a tag where the measurement is what was asked for: an answer of 304 would hold none.
+                    **({} if options.verify else {"ETag": tag}),
+                    "Cache-Control": "no-cache",
+                    "Vary": "Accept",
+                    **report(result, delivery.storage, encoded),
+                }
+            return Response(200, body, headers, _log(operation, images, result))
+
+        return self.kept(compute, tag, head, stages, keep=not options.verify)
+
+    def kept(
+        self, compute: Callable[[], Response], tag: str, head: Head, stages: Stages, *, keep: bool = True
+    ) -> Response:
+        """The answer with this tag: one that was kept, or what `compute` gives. Its timing is that of this request."""
+        response, found = self._answers.answer(tag, compute, head.deadline) if keep else (compute(), False)
+        response.headers["Server-Timing"] = stages.header()
+        response.log |= {"kept": found, "stages_ms": {name: round(s * 1e3, 3) for name, s in stages.seconds.items()}}
+        return response
+
+    def stored(self, named: Mapping[str, str]) -> tuple[dict[str, Upload], list[Flaw]]:
+        """The stored images of these names, by input, and what is wrong with the names."""
+        return resolve(self._assets, named)
+
+    def digests(self, given: Uploads) -> Future[dict[str, str]]:
+        """SHA-256 of all uploads by name, found in the background."""
+        return self._hashing.submit(_digests, given)
 
     def _read(self, operation: Operation[Any], request: Request) -> tuple[Query, Uploads]:
         """The query and the uploads. Raises what is wrong with either, all of it at once."""
@@ -146,19 +163,21 @@ class Running:
             if each.required and each.name not in given and each.name not in query.assets
         ]
         if flaws:
-            flaws += [flaw for name, upload in given.items() for flaw in self._flaws_of_header(name, upload)]
+            flaws += self.flaws_of_headers(given)
             raise InvalidRequest(f"The request for {operation.name} has {len(flaws)} flaw(s).", flaws)
         return query, given
 
-    def _flaws_of_header(self, name: str, upload: Upload) -> list[Flaw]:
-        """What the header of an image alone shows to be wrong; nothing is decoded for a request that fails anyway."""
-        try:
-            probe(upload.data).check(self._limits)
-        except LichenError as error:
-            return _flaws_of(name, error)
-        return []
+    def flaws_of_headers(self, given: Uploads) -> list[Flaw]:
+        """What the headers of images alone show to be wrong; nothing is decoded for a request that fails anyway."""
+        flaws: list[Flaw] = []
+        for name, upload in given.items():
+            try:
+                probe(upload.data).check(self._limits)
+            except LichenError as error:
+                flaws += _flaws_of(name, error)
+        return flaws
 
-    def _decode(self, given: Uploads) -> dict[str, Image]:
+    def decode(self, given: Uploads) -> dict[str, Image]:
         """All images. Raises the first error with a pointer to every image that has one."""
         images: dict[str, Image] = {}
         failed: dict[str, LichenError] = {}
@@ -198,13 +217,12 @@ def _expected(operation: Operation[Any], query: Query, images: Mapping[str, Imag
 
     Raises `InvalidRequest` for images that the operation does not take.
     """
-    order = read_order(operation.name, None, {**query.values, **images}, "numpy")
-    facts = {key: Facts(each.height, each.width, each.channels, each.space, each.alpha) for key, each in images.items()}
-    return operation.result(order.parameters, facts)
+    (facts,) = read_order(operation.name, None, {**query.values, **images}, "numpy").expected().values()
+    return facts
 
 
 def _arguments(
-    operation: Operation[Any], query: Query, images: Mapping[str, Image], delivery: Delivery
+    operation: Operation[Any], query: Query, images: Mapping[str, Image], delivery: Delivery, settings: Settings
 ) -> tuple[Image | None, dict[str, Any]]:
     """What the library is called with: the first input, and everything else by name."""
     options = query.options
@@ -213,17 +231,17 @@ def _arguments(
         **query.values,
         **{key: image for key, image in images.items() if key != name},
         "method": options.method,
-        "max_error": options.max_error,
-        "max_ms": options.max_ms,
-        "device": options.device,
-        "nonfinite": options.nonfinite,
-        "prune": options.prune,
-        "precision": options.precision,
-        "verify": options.verify,
+        **wishes_of(options, settings),
         "space": delivery.space,
         "alpha": delivery.alpha,
         "storage": delivery.storage,
     }
+
+
+def wishes_of(options: Options, settings: Settings) -> dict[str, Any]:
+    """What the library is asked beside operations, pictures and the form of what comes out."""
+    names = ("max_error", "max_ms", "device", "nonfinite", "prune", "precision", "verify")
+    return {name: getattr(options, name) for name in names} | {"max_bytes": settings.memory}
 
 
 class Shape(StrEnum):
@@ -267,19 +285,21 @@ def _digests(given: Uploads) -> dict[str, str]:
     return {name: hashlib.sha256(upload.data).hexdigest() for name, upload in given.items()}
 
 
-def _entity_tag(digests: Mapping[str, str], plan: str, delivery: Delivery, shape: Shape) -> str:
+def form_of(delivery: Delivery) -> list[str | None]:
+    """All of a delivery that decides bytes."""
+    return [delivery.format.name, delivery.storage, delivery.space, delivery.alpha]
+
+
+def entity_tag(digests: Mapping[str, str], plan: str, form: object) -> str:
     """Stands for all that decides the bytes of an answer: inputs, plan, engine, libraries, device and format."""
-    form = [delivery.format.name, delivery.storage, delivery.space, delivery.alpha, shape]
-    said = [digests, plan, form, versions()]
-    return f'"{hashlib.sha256(canonical(said)).hexdigest()[:32]}"'
+    return f'"{hashlib.sha256(canonical([digests, plan, form, versions()])).hexdigest()[:32]}"'
 
 
-def _log(operation: Operation[Any], images: Mapping[str, Image], result: Result, stages: Stages) -> dict[str, object]:
+def _log(operation: Operation[Any], images: Mapping[str, Image], result: Result) -> dict[str, object]:
     return {
         "operation": operation.name,
         "pixels": sum(image.height * image.width for image in images.values()),
         "method_used": result.method,
         "device": result.device,
         "skipped": sum(each.action in SKIPPING for each in result.decisions),
-        "stages_ms": {name: round(seconds * 1e3, 3) for name, seconds in stages.seconds.items()},
     }

@@ -28,7 +28,7 @@ from lichen.errors import InvalidRequest
 from lichen.execution import by_definition, computed, exact, walk
 from lichen.image import Alpha, Extent, Image, as_image
 from lichen.operation import Facts
-from lichen.planning.graph import Graph, Node, Request
+from lichen.planning.graph import RESULT, Graph, Node, Request
 from lichen.planning.plan import make_plan
 
 OPERATIONS = lichen.operations()
@@ -168,7 +168,7 @@ def chain(name: str, image: Image, *examples: Mapping[str, Any]) -> Graph:
         operation = OPERATIONS[name]
         nodes.append(Node(f"step{number}", operation, operation.validate(example), {"image": before}))
         before = f"step{number}"
-    return Graph({"input.image": Facts.of(image)}, tuple(nodes), before)
+    return Graph.of({"input.image": Facts.of(image)}, tuple(nodes), before)
 
 
 def accumulation() -> tuple[Graph, dict[str, Image]]:
@@ -196,7 +196,7 @@ def streamlines() -> tuple[Graph, dict[str, Image]]:
         lic.validate({"length": 6, "scale": 2, "bias": 0.5}),
         {"field": "input.field", "texture": "input.texture"},
     )
-    return Graph({name: Facts.of(image) for name, image in images.items()}, (node,), "lic"), images
+    return Graph.of({name: Facts.of(image) for name, image in images.items()}, (node,), "lic"), images
 
 
 CASES = {
@@ -213,7 +213,9 @@ def test_four_bits_are_worth_a_factor_of_sixteen(case: str) -> None:
     graph, sources = CASES[case]()
     truth = exact(graph, sources)
     errors = {
-        precision: difference(walk(graph.replace(precision=precision), sources, by_definition).pixels, truth).rms
+        precision: difference(
+            walk(graph.replace(precision=precision), sources, by_definition)[RESULT].pixels, truth
+        ).rms
         for precision in PRECISIONS
     }
     for coarse, fine in itertools.pairwise(FIXED):
@@ -227,7 +229,7 @@ def test_four_bits_are_worth_a_factor_of_sixteen(case: str) -> None:
 def test_plans_of_chains_foresee_it(case: str, precision: Precision) -> None:
     graph, sources = CASES[case]()
     plan = make_plan(graph.replace(precision=precision), Request(backend="numpy", target=graph.output))
-    found = difference(computed(plan, sources, None, {})[0].pixels, exact(graph, sources))
+    found = difference(computed(plan, sources, None, {})[0][RESULT].pixels, exact(graph, sources))
     assert found.largest <= plan.error.value
     if precision in LOSSY:
         assert plan.error.value < 40 * found.largest

@@ -24,7 +24,7 @@ SIZE = (34, 37)
 def graph_of(operation: Operation[Any], inputs: Mapping[str, Image], example: Mapping[str, Any]) -> Graph:
     facts = {f"input.{key}": Facts.of(image) for key, image in inputs.items()}
     node = Node("it", operation, operation.validate(example), {key: f"input.{key}" for key in inputs})
-    return Graph(facts, (node,), "it")
+    return Graph.of(facts, (node,), "it")
 
 
 def sources_of(inputs: Mapping[str, Image]) -> dict[str, Image]:
@@ -111,7 +111,7 @@ def chain(operation: Operation[Any], *examples: Mapping[str, Any], size: tuple[i
     for number, example in enumerate(examples):
         nodes.append(Node(f"n{number}", operation, operation.validate(example), {"image": before}))
         before = f"n{number}"
-    return Graph(sources, tuple(nodes), before)
+    return Graph.of(sources, tuple(nodes), before)
 
 
 def test_footprints_add_up_along_a_chain() -> None:

@@ -12,22 +12,23 @@ import lichen
 from lichen.errors import Unattainable
 from lichen.image import Alpha, Extent, Image, Space
 from lichen.operation import Facts
-from lichen.planning.graph import Graph, Node, Request
+from lichen.planning.graph import FREE, Asked, Graph, Node, Output, Request
 from lichen.planning.plan import make_plan
 
 PICTURE = Facts(64, 96, 3, Space.SRGB, Alpha.NONE, Extent(0.0, 1.0, 0))
 
 
-def node(name: str, operation: str, source: str, **parameters: Any) -> Node:
+def node(name: str, operation: str, source: str, asked: Asked = FREE, **parameters: Any) -> Node:
     declared = lichen.operations()[operation]
-    return Node(name, declared, declared.validate(parameters), {declared.inputs[0].name: source})
+    return Node(name, declared, declared.validate(parameters), {declared.inputs[0].name: source}, asked=asked)
 
 
 def chain(*nodes: Node, facts: Facts = PICTURE) -> Graph:
-    return Graph({"in": facts}, nodes, nodes[-1].name)
+    return Graph.of({"in": facts}, nodes, nodes[-1].name)
 
 
-def steps(graph: Graph, **asked: Any) -> list[str]:
+def steps(graph: Graph, space: Space | None = None, **asked: Any) -> list[str]:
+    graph = graph.replace(outputs={"result": Output(graph.output, space=space)})
     plan = make_plan(graph, Request(**{"max_error": 1e-2, **asked}))
     return [f"{step.operation.name}:{getattr(step.parameters, 'direction', '')}".rstrip(":") for step in plan.nodes]
 
@@ -68,7 +69,7 @@ def test_identity_drops_the_conversions_with_the_operation() -> None:
 
 
 def test_unread_nodes_are_dropped_and_named() -> None:
-    graph = Graph(
+    graph = Graph.of(
         {"in": PICTURE},
         (node("used", "gaussian", "in", sigma=2), node("idle", "gaussian", "in", sigma=3)),
         "used",
@@ -117,7 +118,7 @@ def test_what_cannot_be_met_is_refused_with_the_best_there_is() -> None:
 
 def test_errors_before_a_conversion_grow_with_its_slope() -> None:
     """An error in linear light is up to 12.92 times as large after sRGB encoding."""
-    linear = make_plan(chain(node("blur", "gaussian", "in", sigma=6)), Request(target="blur", knobs={"tail": 1e-2}))
+    linear = make_plan(chain(node("blur", "gaussian", "in", Asked(knobs={"tail": 1e-2}), sigma=6)), Request())
     assert linear.error.value > 12 * 2e-3
 
 

@@ -1,0 +1,227 @@
+"""How a budget of error or of time is divided over the nodes of a graph.
+
+Theory. Let g_i be how much of the error allowed at the outputs one unit of error of node i uses up: 1 / target at an
+output, and behind a reader its own g times the slope of its modulus. For small errors what is used up is at most the
+sum of g_i e_i, so the choice is a knapsack: from the most accurate candidates, those are taken first that save the most
+time for what they use up. A modulus of continuity need not be a line, so the slope is taken for a share of what is
+allowed, and the choice is judged by carrying the errors forward exactly; where it fails, the budget is halved.
+
+Small graphs are then searched exactly: the dearest node first, each takes its cheapest candidate with which the whole
+still meets the target.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+
+from lichen.errors import Flaw, Unattainable
+from lichen.operation import Error, Facts
+from lichen.planning.error import Choices, errors, total_error, total_seconds
+from lichen.planning.graph import Candidate, Graph, Node, Request
+
+Measure = Callable[[Error], float]
+
+TRIALS = 100
+"""Choices that are tried exactly at most, which is all of them for a chain of a few nodes."""
+HALVINGS = 8
+STEPS = 12
+"""Of the search for the error that a time allows: to a factor of 1.3 over four decades."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Candidates for every node, what they must keep, and by which errors that is judged."""
+
+    graph: Graph
+    facts: Mapping[str, Facts]
+    request: Request
+    usable: Mapping[str, Sequence[Candidate]]
+    targets: Mapping[str, float]
+    measures: Sequence[tuple[str, Measure]]
+
+    def excess(self, choices: Choices, measure: Measure) -> float:
+        """The largest share of what is allowed that an output uses up; beyond 1 the choice is not good enough."""
+        found = errors(self.graph, self.facts, choices)
+        return max(share(measure(error), self.targets[name]) for name, error in found.items())
+
+    def error(self, choices: Choices) -> Error:
+        return total_error(self.graph, self.facts, choices)
+
+    def seconds(self, choices: Choices) -> float:
+        return total_seconds(self.graph, choices)
+
+
+def share(error: float, target: float) -> float:
+    """`error` in parts of `target`, which may be nothing at all."""
+    if target > 0:
+        return error / target
+    return 0.0 if error <= 0 else float("inf")
+
+
+# ------------------------------------------------------------------------------------------------------------- error
+
+
+def within_error(problem: Problem) -> Choices:
+    """The cheapest choices that keep every target. Raises `Unattainable` where an error was asked that none keeps."""
+    request, usable = problem.request, problem.usable
+    for _, measure in problem.measures:
+        choices = _most_accurate(usable, measure)
+        if problem.excess(choices, measure) <= 1:
+            return _cheapest(problem, choices, measure, problem.targets)
+    if request.max_error is not None:
+        best = problem.error(choices)
+        raise Unattainable(
+            f"No method meets an error of {request.max_error:g}; the smallest that can be stated is {best.value:.3g}.",
+            [Flaw("/max_error", f"at least {best.value:.3g} is needed")],
+            limit=best.value,
+            actual=request.max_error,
+        )
+    return {node.name: _customary(node, usable[node.name]) or choices[node.name] for node in problem.graph.nodes}
+
+
+def _most_accurate(usable: Mapping[str, Sequence[Candidate]], measure: Measure) -> dict[str, Candidate]:
+    return {name: min(offers, key=partial(_by_error, measure)) for name, offers in usable.items()}
+
+
+def _by_error(measure: Measure, offer: Candidate) -> tuple[float, float, float]:
+    return measure(offer.error), offer.error.usual, offer.seconds
+
+
+def _customary(node: Node, offers: Sequence[Candidate]) -> Candidate | None:
+    """The candidate that the operation declares as customary, if it is among those that the request leaves."""
+    return next((offer for offer in offers if (offer.method, offer.knob) == node.operation.customary), None)
+
+
+def _cheapest(problem: Problem, choices: Choices, measure: Measure, targets: Mapping[str, float]) -> Choices:
+    """From choices that meet the targets to the cheapest that still do."""
+    scaled = Problem(problem.graph, problem.facts, problem.request, problem.usable, targets, problem.measures)
+    quickest = {name: min(offers, key=_by_time) for name, offers in problem.usable.items()}
+    if scaled.excess(quickest, measure) <= 1:
+        return quickest
+    trials = sum(len(offers) for offers in problem.usable.values())
+    if trials > TRIALS:
+        return _divided(scaled, choices, measure)
+    return _searched(scaled, choices, measure)
+
+
+def _by_time(offer: Candidate) -> tuple[float, float]:
+    return offer.seconds, offer.error.value
+
+
+def _searched(problem: Problem, choices: Choices, measure: Measure) -> Choices:
+    for name in sorted(choices, key=lambda name: -choices[name].seconds):
+        for offer in sorted(problem.usable[name], key=_by_time):
+            trial = {**choices, name: offer}
+            if problem.excess(trial, measure) <= 1:
+                choices = trial
+                break
+    return choices
+
+
+def _divided(problem: Problem, choices: Choices, measure: Measure) -> Choices:
+    """The knapsack of the module's docstring."""
+    gains = _gains(problem)
+    left = 1 - problem.excess(choices, measure)
+    upgrades = []
+    for name, start in choices.items():
+        for offer in problem.usable[name]:
+            saved = start.seconds - offer.seconds
+            used = gains[name] * max(measure(offer.error) - measure(start.error), 0.0)
+            if saved > 0 and used <= left:
+                upgrades.append((saved / used if used else float("inf"), saved, used, name, offer))
+    upgrades.sort(key=lambda upgrade: upgrade[:2], reverse=True)
+    for _ in range(HALVINGS):
+        trial, spent = dict(choices), dict.fromkeys(choices, 0.0)
+        total = 0.0
+        for _, _, used, name, offer in upgrades:
+            if offer.seconds < trial[name].seconds and total - spent[name] + used <= left:
+                total += used - spent[name]
+                spent[name], trial[name] = used, offer
+        if problem.excess(trial, measure) <= 1:
+            return trial
+        left /= 2
+    return choices
+
+
+def _gains(problem: Problem) -> dict[str, float]:
+    """For each node how much of what is allowed one unit of its error uses up."""
+    gains = dict.fromkeys([*problem.graph.sources, *problem.usable], 0.0)
+    for name, output in problem.graph.outputs.items():
+        target = problem.targets[name]
+        gains[output.source] = max(gains[output.source], 1 / target if target > 0 else 0.0)
+    for node in reversed(problem.graph.nodes):
+        gain = gains[node.name]
+        if not gain:
+            continue
+        probe = 1 / gain / len(problem.usable)
+        slope = node.carried(problem.facts, probe) / probe
+        for source in node.inputs.values():
+            gains[source] = max(gains[source], gain * slope)
+    return gains
+
+
+# -------------------------------------------------------------------------------------------------------------- time
+
+
+def within_time(problem: Problem) -> Choices:
+    """The most accurate choices within `max_ms`, the cheapest that keep `max_error` too. Raises `Unattainable`."""
+    request, usable = problem.request, problem.usable
+    assert request.max_ms is not None, "a time was asked for"
+    budget = request.max_ms / 1e3
+    fastest = {name: min(offers, key=lambda offer: offer.seconds) for name, offers in usable.items()}
+    least = problem.seconds(fastest)
+    if least > budget:
+        raise Unattainable(
+            f"No method takes {request.max_ms:g} ms or less; the fastest is predicted to take {least * 1e3:.3g} ms.",
+            [Flaw("/max_ms", f"at least {least * 1e3:.3g} is needed")],
+            limit=least * 1e3,
+            actual=request.max_ms,
+        )
+    fitting = _varied(problem, fastest, budget) if request.target in usable else _bisected(problem, fastest, budget)
+    found = [problem.error(trial) for trial in fitting]
+    if request.max_error is None:
+        return fitting[min(range(len(fitting)), key=lambda i: (found[i].value, found[i].usual))]
+    meeting = [i for i, error in enumerate(found) if error.value <= request.max_error]
+    if not meeting:
+        closest = min(found, key=lambda error: error.value)
+        raise Unattainable(
+            f"Within {request.max_ms:g} ms the error can be held to {closest.value:.3g}, not to {request.max_error:g}.",
+            [Flaw("/max_error", f"at least {closest.value:.3g} fits in {request.max_ms:g} ms")],
+            limit=closest.value,
+            actual=request.max_error,
+        )
+    return fitting[min(meeting, key=lambda i: problem.seconds(fitting[i]))]
+
+
+def _varied(problem: Problem, fastest: Choices, budget: float) -> list[Choices]:
+    """All candidates of the one node that was asked for, beside the fastest of the others."""
+    names = [node.name for node in problem.graph.nodes]
+    offers = [problem.usable[name] if name == problem.request.target else [fastest[name]] for name in names]
+    trials = (dict(zip(names, combination, strict=True)) for combination in product(*offers))
+    return [trial for trial in trials if problem.seconds(trial) <= budget]
+
+
+def _bisected(problem: Problem, fastest: Choices, budget: float) -> list[Choices]:
+    """Choices that fit, for errors between those of the most accurate and of the fastest."""
+
+    def measure(error: Error) -> float:
+        return error.value
+
+    accurate = _most_accurate(problem.usable, measure)
+    if problem.seconds(accurate) <= budget:
+        return [fastest, accurate]
+    low, high = problem.error(accurate).value, problem.error(fastest).value
+    fitting = [fastest]
+    asked = problem.request.max_error
+    for step in range(STEPS):
+        middle = asked if asked is not None and step == 0 and low <= asked <= high else max(low * high, 0.0) ** 0.5
+        trial = _cheapest(problem, accurate, measure, dict.fromkeys(problem.targets, middle))
+        if problem.seconds(trial) <= budget:
+            fitting.append(trial)
+            high = middle
+        else:
+            low = middle
+    return fitting

@@ -1,0 +1,67 @@
+"""The pass that takes out what was chosen to be left out, and what that makes superfluous.
+
+A node left out hands on one of its inputs. Its readers inherit the proved distance between the two, so the error of the
+whole counts it. Conversions that then undo each other go, too, and what nothing reads any more. The choices that remain
+are predicted anew, from the facts of what really arrives.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+from lichen.operation import Facts
+from lichen.planning.graph import Candidate, Decision, Graph, Moved, Node, Request
+from lichen.planning.prune import cancelled, cost, unread
+
+
+def settle(graph: Graph, request: Request) -> Graph:
+    """Without the nodes whose choice is to hand on an input."""
+    facts = graph.facts()
+    moved: dict[str, Moved] = {}
+    decisions = []
+    for node in graph.nodes:
+        choice = node.choice
+        if choice is None or choice.passes is None:
+            continue
+        source, change = node.inputs[choice.passes], choice.error.value + node.inherited.get(choice.passes, 0.0)
+        if source in moved:
+            source, change = moved[source].source, change + moved[source].change
+        moved[node.name] = Moved(source, change)
+        bound = effect(graph, facts, node.name, choice.error.value)
+        reason = f"differs from its {choice.passes} by {choice.error.value:.3g} at most"
+        decisions.append(Decision("invisible", node.name, "dropped", reason, bound, cost(node, facts, request)))
+    if not moved:
+        return graph
+    left = graph.reading(moved).deciding(decisions)
+    return _predicted(unread(cancelled(left, request, "light"), request), request)
+
+
+def effect(graph: Graph, facts: Mapping[str, Facts], name: str, change: float) -> float:
+    """The largest change of any output when the value called `name` changes by at most `change`."""
+    reached = {name: change}
+    for node in graph.nodes:
+        arriving = max((reached.get(source, 0.0) for source in node.inputs.values()), default=0.0)
+        if arriving and node.name != name:
+            reached[node.name] = node.carried(facts, arriving)
+    return max(reached.get(output.source, 0.0) for output in graph.outputs.values())
+
+
+def _predicted(graph: Graph, request: Request) -> Graph:
+    """The same choices, with what they make of the inputs as they are now."""
+    facts = graph.facts()
+    return graph.replace(nodes=tuple(_again(node, facts, request) for node in graph.nodes))
+
+
+def _again(node: Node, facts: Mapping[str, Facts], request: Request) -> Node:
+    choice = node.choice
+    assert choice is not None, "every node has its choice"
+
+    def again(offer: Candidate) -> Candidate:
+        method = node.operation.methods.get(offer.method)
+        if method is None:
+            return offer
+        rate, found = request.rate(node.operation, method), node.offer(facts, method.name, offer.knob)
+        return dataclasses.replace(offer, error=found.error, seconds=rate.start + rate.step * found.work)
+
+    return node.replace(choice=again(choice), alternatives=tuple(map(again, node.alternatives)))
