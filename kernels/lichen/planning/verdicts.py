@@ -36,8 +36,6 @@ class _Judge:
     def verdict(self, offer: Candidate) -> str:
         if offer.unfit is not None:
             return f"not possible: {offer.unfit}"
-        if offer.passes is not None:
-            return f"not accurate enough: leaving it out changes the picture by up to {offer.error.value:.3g}"
         if (offer.method, offer.knob) == (self.taken.method, self.taken.knob):
             return "taken"
         return self._timed(offer) if self.request.max_ms is not None else self._accurate(offer)

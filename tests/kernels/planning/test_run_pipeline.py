@@ -99,7 +99,7 @@ def test_a_time_is_divided_over_a_pipeline() -> None:
     said = "gaussian:sigma=6|levels:gamma=1.2|gaussian:sigma=9"
     big = Image(np.broadcast_to(np.float32(0.5), (900, 900, 3)), Space.DATA)
     vars(big)["extent"] = PICTURE.extent
-    cheapest = lichen.explain_pipeline(said, big, max_error=10.0, device="numpy").seconds * 1e3
+    cheapest = lichen.explain_pipeline(said, big, max_error=0.5, device="numpy").seconds * 1e3
     tight = lichen.explain_pipeline(said, big, max_ms=cheapest * 1.05, device="numpy")
     ample = lichen.explain_pipeline(said, big, max_ms=cheapest * 20, device="numpy")
     assert tight.seconds * 1e3 <= cheapest * 1.05

@@ -141,6 +141,16 @@ def propagate(affine: Affine, facts: Facts, by: float) -> float:
     return max([*rows, 1.0 if facts.channels > affine.size else 0.0]) * by
 
 
+def departure(affine: Affine, facts: Facts) -> dict[str, float]:
+    """How far the output is from the picture: (M - 1) x + b w."""
+    weight = facts.extent.magnitude if follows(affine, facts.alpha, facts.channels) >= 0 else 1.0
+    rows = [
+        sum(abs(factor - (i == j)) for j, factor in enumerate(row)) * facts.extent.magnitude + abs(more) * weight
+        for i, (row, more) in enumerate(zip(affine.factors, affine.added, strict=True))
+    ]
+    return {"image": max(rows)}
+
+
 class Mapped(Protocol):
     """Parameters that come down to an affine map."""
 

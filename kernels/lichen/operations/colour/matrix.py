@@ -110,6 +110,7 @@ matrix = Operation(
     identity=lambda p, facts: "the matrix is the identity" if p.affine.trivial else None,
     result=lambda p, facts: affine.result(p.affine, facts["image"]),
     propagate=lambda p, facts, by: affine.propagate(p.affine, facts["image"], by),
+    departure=lambda p, facts: affine.departure(p.affine, facts["image"]),
     check=_check,
     examples=(
         {"matrix": SEPIA},

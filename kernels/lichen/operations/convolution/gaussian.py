@@ -62,6 +62,11 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     return dataclasses.replace(image, extent=missing.extent_without(facts, extent))
 
 
+def _departure(p: Parameters, facts: InputFacts) -> dict[str, float]:
+    """All but the weight of the pixel itself goes to others, which differ from it by the spread at most."""
+    return {"image": (1 - float(half_kernel(p.sigma)[0]) ** 2) * _spread(p, facts)[0]}
+
+
 def _footprint(p: Parameters, facts: InputFacts) -> Footprint:
     """As far as the kernel changes anything in float64."""
     image, turned = facts["image"], p.turned
@@ -98,6 +103,7 @@ gaussian = Operation(
     light=Light.LINEAR,
     wants_alpha=Alpha.ASSOCIATED,
     footprint=_footprint,
+    departure=_departure,
     result=_result,
     identity=_identity,
     check=base.check,

@@ -136,6 +136,22 @@ def _identity(p: Parameters, facts: InputFacts) -> str | None:
     return "every level is where it was" if same and (inside or not p.clamp) else None
 
 
+def _departure(p: Parameters, facts: InputFacts) -> dict[str, float]:
+    """At an end or a corner of the broken line, where it is one; straight colour counts times a coverage up to 1."""
+    image = facts["image"]
+    low, high = image.extent.low, image.extent.high
+    if _curved(p) or (image.alpha is not Alpha.NONE and not 0 <= low <= high <= 1):
+        return {}
+    most = 0.0
+    for channel in channels(p, _colours(image)):
+        corners = [x for x in (channel.black, channel.white) if p.clamp and low < x < high]
+        for x in (low, high, *corners):
+            t = channel.share(x)
+            t = min(max(t, 0.0), 1.0) if p.clamp else t
+            most = max(most, abs(channel.low + t * (channel.high - channel.low) - x))
+    return {"image": most}
+
+
 def _power(t: float, gamma: float) -> float:
     try:
         return math.copysign(abs(t) ** (1 / gamma), t)
@@ -247,6 +263,7 @@ levels = Operation(
     light=Light.STORED,
     footprint=lambda p, facts: POINTWISE,
     identity=_identity,
+    departure=_departure,
     result=_result,
     propagate=_propagate,
     wants_alpha=Alpha.STRAIGHT,

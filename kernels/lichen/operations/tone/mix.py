@@ -148,6 +148,14 @@ def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
     return max(abs(p.of_base) + abs(p.amount), 1.0) * error
 
 
+def _departure(p: Parameters, facts: InputFacts) -> dict[str, float]:
+    """(1 - a) (base - image) from the image, a (image - base) from a base that is a picture."""
+    (low, high), extent = _base(p, facts), facts["image"].extent
+    apart = max(high - extent.low, extent.high - low)
+    found = {"image": abs(p.of_base) * apart}
+    return {**found, "base": abs(p.amount) * apart} if "base" in facts else found
+
+
 # -------------------------------------------------------------------------------------------------------- operation
 
 mix = Operation(
@@ -164,6 +172,7 @@ mix = Operation(
     wants_alpha=Alpha.ASSOCIATED,
     footprint=_footprint,
     identity=_identity,
+    departure=_departure,
     result=_result,
     propagate=_propagate,
     check=_check,

@@ -1,0 +1,317 @@
+"""Each pass by itself: what it drops, what that costs at most, and what it predicts."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import weakref
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import lichen
+from lichen import execution
+from lichen.image import Alpha, Extent, Image, Space
+from lichen.operation import Facts, Operation
+from lichen.planning.budget import Problem, within_error
+from lichen.planning.error import errors, total_error, total_seconds
+from lichen.planning.graph import Candidate, Graph, Node, Output, Request
+from lichen.planning.memory import peak_bytes
+from lichen.planning.plan import Plan, make_plan
+from lichen.planning.prune import cancelled, identity, shared, unread
+from lichen.planning.settle import effect
+
+from ..accuracy import drawing
+
+OPERATIONS = dict(lichen.operations())
+PICTURE = Facts(64, 96, 3, Space.DATA, Alpha.NONE, Extent(0.0, 1.0, 0))
+
+
+def node(name: str, operation: str, *sources: str, **parameters: Any) -> Node:
+    declared = OPERATIONS[operation]
+    names = [each.name for each in declared.inputs]
+    return Node(name, declared, declared.validate(parameters), dict(zip(names, sources, strict=False)))
+
+
+def graph(*nodes: Node, outputs: tuple[str, ...] = (), facts: Facts = PICTURE) -> Graph:
+    return Graph({"in": facts}, nodes, {name: Output(name) for name in outputs or (nodes[-1].name,)})
+
+
+def names(made: Graph | Plan) -> list[str]:
+    return [each.name for each in made.nodes]
+
+
+def dropped(made: Graph | Plan, pass_: str) -> list[str]:
+    return [each.node for each in made.decisions if each.pass_ == pass_ and each.action == "dropped"]
+
+
+# ------------------------------------------------------------------------------------------------ unread and shared
+
+
+def test_unread_floods_back_from_every_output() -> None:
+    made = unread(
+        graph(
+            node("a", "gaussian", "in", sigma=1),
+            node("b", "gaussian", "a", sigma=2),
+            node("c", "gaussian", "b", sigma=3),
+            node("d", "gaussian", "a", sigma=4),
+            outputs=("b", "in"),
+        ),
+        Request(),
+    )
+    assert names(made) == ["a", "b"]
+    assert dropped(made, "unread") == ["c", "d"]
+    assert all(each.saved_ms > 0 for each in made.decisions)
+
+
+def test_equal_work_is_done_once_along_whole_chains() -> None:
+    nodes = [
+        node(f"{letter}{number}", "gaussian", "in" if number == 1 else f"{letter}{number - 1}", sigma=number)
+        for letter, number in itertools.product("ab", (1, 2, 3))
+    ]
+    made = shared(graph(*nodes, outputs=("a3", "b3")), Request())
+    assert names(made) == ["a1", "a2", "a3"]
+    assert {name: each.source for name, each in made.outputs.items()} == {"a3": "a3", "b3": "a3"}
+
+
+@pytest.mark.parametrize("other", [{"sigma": 2}, {"sigma": 1, "border": "clamp"}])
+def test_work_that_differs_is_not_shared(other: dict[str, Any]) -> None:
+    two = graph(node("a", "gaussian", "in", sigma=1), node("b", "gaussian", "in", **other), outputs=("a", "b"))
+    assert names(shared(two, Request())) == ["a", "b"]
+
+
+# ---------------------------------------------------------------------------------------------------------- identity
+
+
+def test_identity_says_what_it_saved() -> None:
+    made = identity(graph(node("a", "gaussian", "in", sigma=0), node("b", "levels", "a", black=0.1)), Request())
+    assert names(made) == ["b"]
+    assert made.nodes[0].inputs == {"image": "in"}
+    (decision,) = made.decisions
+    assert (decision.pass_, decision.node, decision.bound) == ("identity", "a", 0.0)
+    assert decision.saved_ms > 0
+
+
+def test_pairs_that_undo_each_other_are_dropped_inside_out() -> None:
+    chain = [
+        node("a", "transfer", "in", curve="hlg", direction="encode"),
+        node("b", "transfer", "a", direction="encode"),
+        node("c", "transfer", "b", direction="decode"),
+        node("d", "transfer", "c", curve="hlg", direction="decode"),
+        node("e", "levels", "d", black=0.1),
+    ]
+    made = identity(graph(*chain), Request())
+    assert names(made) == ["e"]
+    assert dropped(made, "identity") == ["a", "b", "c", "d"]
+
+
+def test_what_others_read_of_a_pair_stays() -> None:
+    made = identity(
+        graph(
+            node("a", "transfer", "in", direction="encode"),
+            node("b", "transfer", "a", direction="decode"),
+            node("c", "levels", "a", black=0.1),
+            outputs=("b", "c"),
+        ),
+        Request(),
+    )
+    assert names(made) == ["a", "c"]
+    assert made.outputs["b"].source == "in"
+
+
+def test_a_pair_passes_on_what_it_inherited() -> None:
+    first = dataclasses.replace(node("a", "transfer", "in", direction="encode"), inherited={"image": 1e-3})
+    made = cancelled(graph(first, node("b", "transfer", "a", direction="decode")), Request(), "light")
+    assert made.outputs["b"].source == "in"
+    assert made.outputs["b"].inherited >= 1e-3
+
+
+# --------------------------------------------------------------------------------------------------------- invisible
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "asked", "left_out"),
+    [
+        ("gaussian", {"sigma": 0.2}, 1e-3, True),
+        ("gaussian", {"sigma": 0.3}, 1e-3, False),
+        ("saturation", {"amount": 1.0001}, 1e-3, True),
+        ("saturation", {"amount": 1.01}, 1e-3, False),
+        ("matrix", {"matrix": [[1, 1e-4, 0], [0, 1, 0], [0, 0, 1]]}, 1e-3, True),
+        ("levels", {"white": 1.0001}, 1e-3, True),
+        ("levels", {"white": 1.01}, 1e-3, False),
+        ("mix", {"preset": "contrast", "amount": 1.0005}, 1e-3, True),
+        ("hue_rotate", {"angle": 0.001}, 1e-3, True),
+    ],
+)
+def test_what_would_not_be_seen_is_left_out(
+    name: str, parameters: dict[str, Any], asked: float, left_out: bool
+) -> None:
+    plan = make_plan(graph(node("a", name, "in", **parameters)), Request(max_error=asked))
+    assert (names(plan) == []) == left_out
+    assert dropped(plan, "invisible") == (["a"] if left_out else [])
+    assert plan.error.value <= asked
+    unpruned = make_plan(graph(node("a", name, "in", **parameters)), Request(max_error=asked, prune=False))
+    assert names(unpruned) == ["a"]
+    if left_out:
+        (decision,) = [each for each in plan.decisions if each.pass_ == "invisible"]
+        assert 0 < decision.bound == plan.error.value
+        assert decision.saved_ms > 0
+
+
+def test_a_constant_picture_needs_no_blur() -> None:
+    flat = dataclasses.replace(PICTURE, extent=Extent(0.25, 0.25, 0))
+    assert names(make_plan(graph(node("a", "gaussian", "in", sigma=9), facts=flat), Request())) == []
+    assert names(make_plan(graph(node("a", "gaussian", "in", sigma=9, border="constant"), facts=flat), Request()))
+
+
+def test_an_operand_of_no_weight_is_not_computed() -> None:
+    nodes = node("dear", "gaussian", "in", sigma=40), node("mixed", "mix", "dear", "in", amount=1e-5)
+    plan = make_plan(graph(*nodes), Request(max_error=1e-3))
+    assert names(plan) == []
+    assert dropped(plan, "invisible") == ["mixed"]
+    assert dropped(plan, "unread") == ["dear"]
+    assert plan.graph.output == "in"
+
+
+def test_conversions_go_with_what_they_were_for() -> None:
+    facts = dataclasses.replace(PICTURE, space=Space.SRGB)
+    plan = make_plan(graph(node("a", "gaussian", "in", sigma=0.25), facts=facts), Request(max_error=1e-1))
+    assert names(plan) == []
+    assert plan.error.value > 0
+    assert dropped(plan, "light") == ["in.transfer", "a.transfer"]
+
+
+def test_neither_nan_nor_a_time_asked_for_lets_work_go() -> None:
+    blur = node("a", "gaussian", "in", sigma=0.2)
+    spoilt = dataclasses.replace(PICTURE, extent=Extent(0.0, 1.0, 3))
+    assert names(make_plan(graph(blur, facts=spoilt), Request(max_error=1e-2))) == ["a"]
+    assert names(make_plan(graph(blur), Request(max_ms=1e4))) == ["a"]
+
+
+def test_the_bound_of_a_decision_is_carried_to_the_outputs() -> None:
+    nodes = node("a", "gaussian", "in", sigma=0.2), node("b", "levels", "a", white=0.1)
+    two = graph(*nodes)
+    assert effect(two, two.facts(), "a", 1e-3) == pytest.approx(1e-2)
+
+
+SILENT = Operation.__dataclass_fields__["departure"].default
+DEPARTING = {name: each for name, each in OPERATIONS.items() if each.departure is not SILENT}
+
+
+@pytest.mark.parametrize("operation", list(DEPARTING.values()), ids=list(DEPARTING))
+def test_no_picture_departs_further_than_declared(operation: Operation[Any]) -> None:
+    """Drawn pictures and parameters, against truth."""
+
+    @settings(max_examples=60, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(st.data())
+    def holds(data: st.DataObject) -> None:
+        inputs, parameters, facts = data.draw(drawing.cases(operation.name))
+        made = operation.evaluate_truth(inputs, parameters)
+        for key, most in operation.departure(parameters, facts).items():
+            before = inputs[key].pixels.astype(np.float64)
+            if made.shape == before.shape and not any(each.extent.nonfinite for each in facts.values()):
+                rounding = 1e-12 * max(np.max(np.abs(made)), np.max(np.abs(before)))
+                assert np.max(np.abs(made - before)) <= most + rounding, (parameters, key)
+
+    holds()
+
+
+# ------------------------------------------------------------------------------------------------------------ choose
+
+
+def cheapest(made: Graph, request: Request, asked: float) -> float:
+    """Seconds of the best of all combinations, by trying them."""
+    facts = made.facts()
+    plan = make_plan(made, request)
+    usable = [[offer for offer in each.alternatives if offer.unfit is None] for each in plan.nodes]
+    trials = (dict(zip(names(made), each, strict=True)) for each in itertools.product(*usable))
+    return min(total_seconds(made, trial) for trial in trials if total_error(made, facts, trial).value <= asked)
+
+
+@pytest.mark.parametrize("asked", [3e-1, 1e-2, 1e-3, 1e-4])
+def test_a_small_graph_is_divided_as_well_as_by_trying_everything(asked: float) -> None:
+    made = graph(
+        node("a", "gaussian", "in", sigma=3),
+        node("b", "gaussian", "in", sigma=8),
+        node("c", "mix", "a", "b", amount=0.5),
+        node("d", "gaussian", "c", sigma=2),
+        outputs=("d", "b"),
+    )
+    request = Request(max_error=asked, prune=False)
+    plan = make_plan(made, request)
+    assert plan.error.value <= asked
+    assert plan.seconds <= 1.25 * cheapest(made, request, asked)
+
+
+@pytest.mark.parametrize("asked", [1.0, 1e-1, 1e-2, 1e-3])
+def test_a_long_chain_meets_its_target_and_uses_it(asked: float) -> None:
+    chain = [node(f"n{i}", "gaussian", f"n{i - 1}" if i else "in", sigma=1 + i % 7) for i in range(40)]
+    plan = make_plan(graph(*chain), Request(max_error=asked))
+    assert plan.error.value <= asked
+    accurate = [min(each.alternatives, key=lambda offer: offer.error.value) for each in plan.nodes]
+    assert plan.seconds < sum(offer.seconds for offer in accurate)
+    assert plan.error.value > asked / 20
+
+
+def test_every_output_keeps_its_own_quantum() -> None:
+    two = graph(node("a", "gaussian", "in", sigma=5), node("b", "levels", "a", gamma=0.5), outputs=("a", "b"))
+    wanted = {
+        "a": dataclasses.replace(two.outputs["a"], storage=lichen.Storage.UINT16),
+        "b": dataclasses.replace(two.outputs["b"], storage=lichen.Storage.UINT8),
+    }
+    plan = make_plan(two.replace(outputs=wanted), Request())
+    assert plan.errors["a"].value - plan.errors["a"].rounding <= 0.25 / 65535
+    assert plan.errors["b"].value - plan.errors["b"].rounding <= 0.25 / 255
+
+
+def test_what_is_inherited_counts() -> None:
+    late = dataclasses.replace(node("a", "levels", "in", white=0.5), inherited={"image": 1e-3})
+    made = graph(late)
+    choice = make_plan(graph(node("a", "levels", "in", white=0.5)), Request()).nodes[0].choice
+    assert choice is not None
+    found = errors(made, made.facts(), {"a": choice})["a"]
+    assert found.value == pytest.approx(2e-3 + choice.error.value)
+    problem = Problem(made, made.facts(), Request(), {"a": [choice]}, {"a": 1e-6}, [("an error", lambda e: e.value)])
+    assert isinstance(next(iter(within_error(problem).values())), Candidate)
+
+
+# ------------------------------------------------------------------------------------------------------------ memory
+
+
+def test_a_chain_holds_three_pictures() -> None:
+    size = PICTURE.samples * 4
+    chain = [node(f"n{i}", "levels", f"n{i - 1}" if i else "in", black=0.1) for i in range(12)]
+    long = graph(*chain)
+    assert peak_bytes(long, long.facts()) == 2 * size  # the source goes once it was read
+    kept = graph(*chain, outputs=("n0", "n11"))
+    assert peak_bytes(kept, kept.facts()) == 3 * size
+    fork = graph(
+        node("a", "levels", "in", black=0.1),
+        node("b", "levels", "in", black=0.2),
+        node("c", "mix", "a", "b", amount=0.5),
+    )
+    assert peak_bytes(fork, fork.facts()) == 3 * size
+
+
+def test_pictures_are_let_go_after_their_last_reader(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many are alive at once as the plan foresees, the caller's own aside."""
+    made: list[weakref.ref[Any]] = []
+    most = 0
+    method = execution.by_method
+
+    def counted(*arguments: Any) -> np.ndarray:
+        nonlocal most
+        pixels = method(*arguments).view(type("Watched", (np.ndarray,), {}))
+        made.append(weakref.ref(pixels))
+        most = max(most, sum(each() is not None for each in made))
+        return pixels
+
+    monkeypatch.setattr(execution, "by_method", counted)
+    picture = Image(np.random.default_rng(1).random((8, 8, 3), dtype=np.float32))
+    text = "|".join(f"levels:black=0.0{number + 1}" for number in range(8))
+    result = lichen.run_pipeline(text, picture, device="numpy")["result"]
+    assert len(result.plan.nodes) == 8
+    assert most == 2
