@@ -7,6 +7,7 @@ PORT ?= 8080
 DRAWS ?= 20000
 INPUTS ?= 80000
 SECONDS ?= 600
+PIPELINES ?= 2000
 ARGS ?=
 
 BIN := $(VENV)/bin
@@ -45,8 +46,9 @@ format: $(VENV)/.development ## bring the source into the house style
 	@$(BIN)/ruff check --quiet --fix .
 	@$(BIN)/ruff format --quiet .
 
-fuzz: $(VENV)/.development ## hold errors to DRAWS drawn images, and our reading of HTTP to INPUTS mangled requests
+fuzz: $(VENV)/.development ## hold errors to DRAWS drawn images, plans to PIPELINES, reading HTTP to INPUTS requests
 	@LICHEN_INPUTS=$(INPUTS) $(BIN)/python -m pytest tests/service/http/test_differential.py
+	@LICHEN_PIPELINES=$(PIPELINES) $(BIN)/python -m pytest tests/kernels/planning/test_metamorphic.py
 	@LICHEN_DRAWS=$(DRAWS) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py $(ARGS)
 
 soak: $(VENV)/.development ## serve for SECONDS, and show that memory, threads and files stay what they were

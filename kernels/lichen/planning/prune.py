@@ -95,6 +95,8 @@ def cancelled(graph: Graph, request: Request, cause: str, among: Iterable[str] |
         origin = rewired(other, moved)
         source = origin.first
         assert source is not None, "it has one input"
+        if facts[other.name].extent.nonfinite > facts[source].extent.nonfinite:
+            continue  # what went beyond float's range does not come back
         moved[node.name] = Moved(source, _through(now, facts, _through(origin, facts, 0.0)))
         undone.append((node.name, other.name))
     if not undone:

@@ -1,0 +1,164 @@
+"""Random pipelines over the whole catalogue: what a plan leaves out changes the result by no more than it says.
+
+Three things are held, on drawn pictures with hard cases among them:
+
+* by definition, the pruned and the unpruned graph differ by no more than the bounds of the decisions add up to;
+* by the methods chosen, each keeps the error its plan states, so the two differ by no more than both errors;
+* where only work was dropped that nobody reads or that is done already, and the methods are the same, no bit differs.
+
+A hundred draws, always the same, run with every test; `make fuzz` draws two thousand new ones (LICHEN_PIPELINES).
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, Phase, assume, given, settings
+from hypothesis import strategies as st
+
+import lichen
+from lichen.accuracy.metrics import difference
+from lichen.engine import Prepared, prepare_pipeline
+from lichen.errors import InvalidRequest, LichenError, Unattainable
+from lichen.execution import exact
+from lichen.image import Alpha, Image, Space
+from lichen.operation import Facts
+from lichen.planning.check import flaws_of
+from lichen.planning.graph import Node
+
+from ..accuracy import drawing
+from ..accuracy.test_bounds import SHARE, UNDERFLOW, representable
+
+OPERATIONS = dict(lichen.operations())
+FUZZED = int(os.environ.get("LICHEN_PIPELINES", "0"))
+DEAREST = 0.5
+"""Seconds that the truth of one node may take."""
+NEARLY: dict[str, list[dict[str, Any]]] = {
+    "gaussian": [{"sigma": 0}, {"sigma": 0.1}, {"sigma": 0.25}],
+    "levels": [{}, {"white": 1.0001}, {"out_white": 0.9999, "clamp": True}],
+    "saturation": [{"amount": 1}, {"amount": 1.0001}],
+    "hue_rotate": [{"angle": 0}, {"angle": 0.01}],
+    "mix": [{"amount": 1}, {"amount": 1.0001}, {"amount": 1e-5}, {"amount": 0}],
+    "transfer": [{"direction": "encode"}, {"direction": "decode"}, {"curve": "gamma", "gamma": 1}],
+    "matrix": [{}, {"matrix": [[1, 1e-5, 0], [0, 1, 0], [0, 0, 1]]}],
+    "premultiply": [{}, {"inverse": True}],
+}
+"""Parameters with which operations do nothing, nearly nothing, or undo one another."""
+
+
+@st.composite
+def pictures(draw: st.DrawFn, height: int, width: int) -> Image:
+    """Light, display values or data; with coverage above zero, since under none colour need not come back."""
+    made = draw(drawing.pixels(height, width, draw(st.sampled_from([1, 3, 3]))))
+    alpha = draw(st.sampled_from([Alpha.NONE, *Alpha]))
+    if draw(st.integers(0, 9)) == 0:
+        made[0, 0] = np.nan
+    if alpha is not Alpha.NONE:
+        rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+        coverage = rng.uniform(0.25, 1, (height, width, 1)).astype(np.float32)
+        made = np.concatenate([made * coverage if alpha is Alpha.ASSOCIATED else made, coverage], axis=-1)
+    return Image(np.ascontiguousarray(made), draw(st.sampled_from(list(Space))), alpha)
+
+
+@st.composite
+def pipelines(draw: st.DrawFn) -> tuple[dict[str, Any], dict[str, Image]]:
+    """Up to six nodes that fit together, and one or two outputs."""
+    height, width = draw(st.integers(1, 24)), draw(st.integers(1, 24))
+    images = {name: draw(pictures(height, width)) for name in ("image", "other")}
+    known = {f"input.{name}": Facts.of(image) for name, image in images.items()}
+    nodes: dict[str, Any] = {}
+    for number in range(draw(st.integers(1, 6))):
+        nearly = draw(st.booleans())
+        operation = OPERATIONS[draw(st.sampled_from(sorted(NEARLY) if nearly else sorted(OPERATIONS)))]
+        recent = st.sampled_from(list(known)[::-1][: 2 + number // 2])
+        inputs = {each.name: draw(recent) for each in operation.inputs if each.required or draw(st.booleans())}
+        chosen = draw(st.sampled_from(NEARLY[operation.name]) if nearly else drawing.parameters(operation.name))
+        try:
+            parameters = operation.validate(chosen)
+        except InvalidRequest:
+            continue
+        node = Node(f"n{number}", operation, parameters, inputs)
+        facts = {key: known[source] for key, source in inputs.items()}
+        if flaws_of([node], known, lambda node: "") or operation.truth_seconds(parameters, facts) > DEAREST:
+            continue
+        made = node.result(known)
+        if made.samples > 1 << 14 or made.extent.magnitude > 1e12:
+            continue
+        known[node.name] = made
+        nodes[node.name] = {"operation": operation.name, "parameters": chosen, "inputs": inputs}
+    assume(nodes)
+    outputs = draw(st.lists(st.sampled_from(sorted(nodes)), min_size=1, max_size=2, unique=True))
+    used = {source for node in nodes.values() for source in node["inputs"].values()}
+    sent = {name: image for name, image in images.items() if f"input.{name}" in used}
+    return {"nodes": nodes, "outputs": {name: name for name in outputs}}, sent
+
+
+def prepared(said: dict[str, Any], images: dict[str, Image], **wish: Any) -> Prepared:
+    try:
+        return prepare_pipeline(said, images=images, **wish)
+    except Unattainable:
+        return prepare_pipeline(said, images=images, **{**wish, "max_error": None})
+
+
+def same_methods(one: Prepared, other: Prepared) -> bool:
+    found = {node.name: node.choice for node in other.plan.nodes}
+    return all(
+        node.choice is not None
+        and (choice := found.get(node.name)) is not None
+        and (node.choice.method, node.choice.knob) == (choice.method, choice.knob)
+        for node in one.plan.nodes
+    )
+
+
+def test_plans_change_results_by_no_more_than_they_say() -> None:
+    broken: list[str] = []
+    tried = 0
+
+    @settings(
+        max_examples=FUZZED or 100,
+        derandomize=not FUZZED,
+        phases=[Phase.generate],
+        database=None,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(st.data())
+    def holds(data: st.DataObject) -> None:
+        nonlocal tried
+        said, images = data.draw(pipelines())
+        asked = data.draw(st.sampled_from([None, None, 1e-1, 1e-2, 1e-3, 1e-5]))
+        wish = {"max_error": asked, "device": data.draw(st.sampled_from(["numpy", "numpy", "opencl"]))}
+        try:
+            pruned, whole = prepared(said, images, **wish), prepared(said, images, **wish, prune=False)
+        except LichenError:
+            assume(False)
+        results, full = pruned.run(), whole.run()
+        decisions = pruned.plan.decisions
+        allowed = sum(each.bound for each in decisions if each.pass_ == "invisible")
+        dropping = {each.pass_ for each in decisions if each.action == "dropped"}
+        lossless = dropping <= {"unread", "shared"} and same_methods(pruned, whole)
+        for name, result in results.items():
+            sources = pruned.order.images
+            truths = [exact(each.plan.graph.only(name), sources) for each in (pruned, whole)]
+            told = f"{said}, {wish}, {images}, {[each for each in decisions if each.action == 'dropped']}"
+            alpha = result.image.alpha
+            apart = difference(truths[0], truths[1], alpha)
+            large = float(np.max(np.abs(truths[1][np.isfinite(truths[1])]), initial=1.0))
+            assert apart.largest <= allowed + 1e-9 * large, f"by definition {apart} beyond {allowed}: {told}"
+            assert not apart.mismatched or not np.isfinite(truths[1]).all(), told
+            if lossless:
+                np.testing.assert_array_equal(result.image.pixels, full[name].image.pixels, err_msg=told)
+            both = result.error.value + full[name].error.value
+            pixels = [each.image.pixels for each in (result, full[name])]
+            found = difference(pixels[0], representable(pixels[1].astype(np.float64), pixels[0], both), alpha)
+            good = found.largest <= both + UNDERFLOW
+            if result.error.kind == full[name].error.kind == "bound":
+                assert good, f"{found} beyond {both}: {told}"
+            tried += 1
+            if not good:
+                broken.append(f"{found} beyond {both}: {told}")
+
+    holds()
+    assert len(broken) <= max(tried * SHARE, 0 if not FUZZED else 1), "\n".join(broken[:20])
