@@ -7,7 +7,7 @@ graph names, and dropped after its last reader.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,11 @@ import numpy as np
 from lichen.accuracy.precision import Precision, stored
 from lichen.errors import LichenError
 from lichen.image import Image, Storage
-from lichen.memory import Array, aligned
+from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
-from lichen.operation import Inputs
+from lichen.opencl.programs import compose
+from lichen.operation import Facts, Inputs
+from lichen.planning.fuse import stage_of, text_of
 from lichen.planning.graph import Graph, Node
 from lichen.planning.memory import last_readers
 from lichen.planning.plan import Plan
@@ -34,11 +36,14 @@ def computed(
     """What the plan gives on `device` (None: NumPy), by output. Adds to `timing` the seconds of nodes, all and each."""
     timing["kernel"] = 0.0
     findings: Findings = {}
+    chains = {chain[-1]: [plan.graph.named(name) for name in chain] for chain in plan.graph.fused}
 
     def timed(node: Node, inputs: Inputs) -> Array:
         started = time.perf_counter()
         if plan.graph.precision is Precision.FLOAT64:
             pixels = by_definition(node, inputs)
+        elif node.name in chains and device is not None:
+            pixels = by_chain(chains[node.name], plan.graph, inputs, device)
         else:
             pixels = by_method(node, inputs, device)
         timing[f"kernel.{node.name}"] = time.perf_counter() - started
@@ -57,7 +62,7 @@ def computed(
 
 def exact(graph: Graph, sources: Mapping[str, Image]) -> Array:
     """The exact output of a graph that has one, float64: every node by definition, nothing rounded between. Slow."""
-    (made,) = walk(graph.replace(precision=Precision.FLOAT64), sources, by_definition).values()
+    (made,) = walk(graph.replace(precision=Precision.FLOAT64, fused=()), sources, by_definition).values()
     return made.pixels.astype(np.float64, copy=False)
 
 
@@ -79,6 +84,32 @@ def by_method(node: Node, inputs: Inputs, device: Device | None) -> Array:
         return body.opencl(device, single, node.parameters, knob)
 
 
+def by_chain(nodes: Sequence[Node], graph: Graph, inputs: Inputs, device: Device) -> Array:
+    """A chain of pointwise nodes by one generated kernel, or one after the other where there are too many kernels."""
+    facts = graph.facts()
+    (image,) = inputs.values()
+    stages = [stage for node in nodes if (stage := stage_of(node, facts)) is not None]
+    alphas = [facts[source].alpha for node in nodes for source in node.inputs.values()]
+    source = compose(text_of(stages, image.channels, alphas))
+    if source is None:
+        return _in_turn(nodes, facts, image, device)
+    pixels = aligned(image.pixels, np.float32)
+    out = aligned_empty(pixels.shape)
+    numbers = aligned(np.array([*(number for stage in stages for number in stage.numbers), 0], np.float32))
+    count = image.height * image.width
+    with device.session() as session:
+        session.launch(source, "fused", (-(-count // 16),), pixels, session.write(out), numbers, np.int32(count))
+    return out
+
+
+def _in_turn(nodes: Sequence[Node], facts: Mapping[str, Facts], image: Image, device: Device) -> Array:
+    for node in nodes:
+        pixels = by_method(node, {next(iter(node.inputs)): image}, device)
+        made = facts[node.name]
+        image = Image(pixels, made.space, made.alpha, image.storage, image.metadata)
+    return image.pixels
+
+
 def _single(image: Image) -> Image:
     """The image in aligned float32; itself, with all that is known of it, where it is that already."""
     pixels = aligned(image.pixels, np.float32)
@@ -92,7 +123,7 @@ def walk(
     values = {name: _kept(image, graph.precision) for name, image in sources.items()}
     known = graph.facts()
     last = last_readers(graph)
-    for node in graph.nodes:
+    for node in graph.running():
         inputs = {key: values[source] for key, source in node.inputs.items()}
         facts = known[node.name]
         model = next(iter(inputs.values()), None)

@@ -205,6 +205,25 @@ class Implementation(Protocol[P_contra]):
     def numpy(inputs: Inputs, parameters: P_contra, knob: float, /) -> Array: ...
 
 
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A pointwise method as a step of a kernel that carries out a chain of them.
+
+    `source` is a header below `operations/` that defines `void OWN(stage)(float16 *v, global const float *k)`, which
+    changes sixteen pixels in place: a vector for each of CHANNELS channels, of which COLOURS are no coverage. It does
+    the method's own arithmetic, bit for bit. `defines` hold while it is included; `numbers`, float32, arrive in `k`.
+    """
+
+    source: str
+    defines: Mapping[str, int | float | str] = field(default_factory=dict)
+    numbers: tuple[float, ...] = ()
+
+
+def no_stage(parameters: OperationParameters, facts: InputFacts) -> Stage | None:
+    """Of methods that are no step of a chain."""
+    return None
+
+
 @dataclass(frozen=True)
 class Method(Generic[P]):
     """One way to compute an operation.
@@ -222,6 +241,8 @@ class Method(Generic[P]):
     rates: Mapping[str, Rate]
     knob: Knob | None = None
     unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None
+    stage: Callable[[P, InputFacts], Stage | None] = no_stage
+    """what it is as a step of a fused chain on OpenCL, where it is pointwise and reads one picture"""
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
         rate = self.rates[backend]
@@ -319,12 +340,13 @@ class Operation(Generic[P]):
         rates: Mapping[str, Rate],
         knob: Knob | None = None,
         unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None,
+        stage: Callable[[P, InputFacts], Stage | None] = no_stage,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
-            self.methods[name] = Method(name, description, implementation, error, work, rates, knob, unfit)
+            self.methods[name] = Method(name, description, implementation, error, work, rates, knob, unfit, stage)
             return implementation
 
         return register

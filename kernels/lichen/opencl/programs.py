@@ -20,7 +20,7 @@ import logging
 import re
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -58,9 +58,29 @@ class Source:
     digest: str
 
 
+_composed: dict[str, Source] = {}
+MOST_COMPOSED = 256
+"""Programs of generated text that a process builds at most."""
+
+
+def compose(text: str) -> str | None:
+    """The name of a source of generated text, which includes headers by their paths below `ROOTS`; None where there are
+    enough of them already. The same text has the same name."""
+    name = f"composed/{hashlib.sha256(text.encode()).hexdigest()[:16]}.cl"
+    if name not in _composed:
+        if len(_composed) >= MOST_COMPOSED:
+            return None
+        lines = ["#pragma OPENCL FP_CONTRACT OFF", *_included(text.splitlines(), (INCLUDE, *ROOTS), name, set(), 0)]
+        whole = "\n".join(lines) + "\n"
+        _composed[name] = Source(name, whole, hashlib.sha256(whole.encode()).hexdigest())
+    return name
+
+
 @cache
 def load(name: str) -> Source:
     """The source called `name`, headers resolved. Read once per process. Raises `DeviceFailure`."""
+    if name in _composed:
+        return _composed[name]
     path = next((root / name for root in ROOTS if (root / name).is_file()), None)
     if path is None:
         raise DeviceFailure(f"There is no kernel source {name}.")
@@ -71,17 +91,23 @@ def load(name: str) -> Source:
 
 def _resolved(path: Path, name: str, once: set[Path], depth: int = 0) -> list[str]:
     """The lines of a file with its includes in their place, marked so that build logs name file and line."""
+    text = path.read_text(encoding="utf-8").splitlines()
+    if any(map(_ONCE.match, text)):
+        once.add(path.resolve())
+        text = ["" if _ONCE.match(line) else line for line in text]
+    return _included(text, (INCLUDE, path.parent), name, once, depth)
+
+
+def _included(text: Sequence[str], folders: Sequence[Path], name: str, once: set[Path], depth: int) -> list[str]:
+    """The lines with what they include from the folders in its place."""
     lines = [f'#line 1 "{name}"']
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-        if _ONCE.match(line):
-            once.add(path.resolve())
-            line = ""
+    for number, line in enumerate(text, start=1):
         include = _INCLUDE_LINE.match(line)
         if include is None:
             lines.append(line)
             continue
         wanted = include.group(1)
-        found = next((folder / wanted for folder in (INCLUDE, path.parent) if (folder / wanted).is_file()), None)
+        found = next((folder / wanted for folder in folders if (folder / wanted).is_file()), None)
         if found is None:
             raise DeviceFailure(f"{name}, line {number}, includes {wanted}, which does not exist.")
         if depth == _DEPTH:

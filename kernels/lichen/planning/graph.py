@@ -158,6 +158,8 @@ class Graph:
     """in which sources and results are kept"""
     observers: tuple[Node, ...] = ()
     """nodes that return their first input and only report what they find in it"""
+    fused: tuple[tuple[str, ...], ...] = ()
+    """chains of nodes, first to last, that run as one"""
 
     @classmethod
     def of(cls, sources: Mapping[str, Facts], nodes: Iterable[Node], output: str, **further: Any) -> Graph:
@@ -175,6 +177,24 @@ class Graph:
         for node in self.nodes:
             known[node.name] = keeping(node.result(known), self.precision)
         return known
+
+    def running(self) -> tuple[Node, ...]:
+        """The nodes as they run: a chain as its last node, which reads what the first one does."""
+        if not self.fused:
+            return self.nodes
+        ends = {chain[-1]: self.named(chain[0]).inputs for chain in self.fused}
+        inner = {name for chain in self.fused for name in chain[:-1]}
+        return tuple(
+            node.replace(inputs=ends[node.name]) if node.name in ends else node
+            for node in self.nodes
+            if node.name not in inner
+        )
+
+    def named(self, name: str) -> Node:
+        """The node called so, which there is."""
+        node = self.node(name)
+        assert node is not None, f"there is no node {name}"
+        return node
 
     def node(self, name: str) -> Node | None:
         return next((node for node in self.nodes if node.name == name), None)

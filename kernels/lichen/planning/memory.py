@@ -18,8 +18,9 @@ def last_readers(graph: Graph) -> dict[str, str]:
     """By the name of each value the node after which nobody needs it; none for values that come out or are observed."""
     kept = {output.source for output in graph.outputs.values()}
     kept |= {source for node in graph.observers for source in node.inputs.values()}
-    read = {node.name: node.name for node in graph.nodes}
-    read |= {source: node.name for node in graph.nodes for source in node.inputs.values()}
+    running = graph.running()
+    read = {node.name: node.name for node in running}
+    read |= {source: node.name for node in running for source in node.inputs.values()}
     return {source: reader for source, reader in read.items() if source not in kept}
 
 
@@ -30,7 +31,7 @@ def peak_bytes(graph: Graph, facts: Mapping[str, Facts]) -> int:
     last = last_readers(graph)
     held = sum(size[name] for name in graph.sources)
     peak = held
-    for node in graph.nodes:
+    for node in graph.running():
         held += size[node.name]
         peak = max(peak, held)
         held -= sum(size[source] for source in {node.name, *node.inputs.values()} if last.get(source) == node.name)

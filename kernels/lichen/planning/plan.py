@@ -13,6 +13,7 @@ from lichen.accuracy.precision import Precision
 from lichen.operation import Error
 from lichen.planning.choose import choose
 from lichen.planning.error import errors, total_error, total_seconds
+from lichen.planning.fuse import fuse
 from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
 from lichen.planning.light import light
 from lichen.planning.memory import peak_bytes, refuse_too_large
@@ -25,6 +26,8 @@ Pass = Callable[[Graph, Request], Graph]
 PRUNING: tuple[Pass, ...] = (unread, shared, identity)
 """left out by `prune=false`"""
 NEEDED: tuple[Pass, ...] = (light, choose, settle)
+LAST: tuple[Pass, ...] = (fuse,)
+"""left out by `prune=false`, too"""
 ENGINE_VERSION = "1"
 """Part of every plan's digest; raise it when the same plan gives other bytes."""
 
@@ -66,7 +69,8 @@ class Plan:
     @property
     def seconds(self) -> float:
         """Predicted time of all nodes."""
-        return total_seconds(self.graph, self._choices)
+        saved = sum(each.saved_ms for each in self.decisions if each.pass_ == "fuse") / 1e3
+        return total_seconds(self.graph, self._choices) - saved
 
     @property
     def method(self) -> str:
@@ -99,6 +103,7 @@ class Plan:
                 name: {"node": each.source, "error": _error_to_json(self.errors[name])}
                 for name, each in self.graph.outputs.items()
             },
+            "fused": [list(chain) for chain in self.graph.fused],
             "decisions": [decision.to_json() for decision in self.decisions],
             "digest": self.digest,
         }
@@ -110,7 +115,7 @@ class Plan:
 
 def make_plan(graph: Graph, request: Request) -> Plan:
     """Run the passes. Raises what they raise: `InvalidRequest`, `Unattainable`."""
-    for step in (*PRUNING, *NEEDED) if request.prune else NEEDED:
+    for step in (*PRUNING, *NEEDED, *LAST) if request.prune else NEEDED:
         graph = step(graph, request)
     refuse_too_large(graph, request)
     return Plan(graph.deciding(_storing(graph)), request)

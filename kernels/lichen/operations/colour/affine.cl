@@ -4,6 +4,8 @@
 // is added is multiplied by (coverage, where colour is associated with it), or -1.
 
 #include "planes.clh"
+#define OWN(name) name
+#include "affine_mixed.clh"
 
 kernel void affine(global const float *restrict in, global float *restrict out, global const float *restrict m,
                    int pixels)
@@ -25,15 +27,6 @@ kernel void affine(global const float *restrict in, global float *restrict out, 
 #elif FOLLOWS >= 0
     follows = v[FOLLOWS];
 #endif
-    y[3] = v[3];
-    for (int row = 0; row < SIZE; row++) {
-        float16 sum = (float16)(0.0f);
-        for (int c = 0; c < SIZE; c++)
-            if (m[row * 5 + c] != 0.0f)
-                sum = fma(v[c], (float16)(m[row * 5 + c]), sum);
-        if (m[row * 5 + 4] != 0.0f)
-            sum = fma(follows, (float16)(m[row * 5 + 4]), sum);
-        y[row] = sum;
-    }
+    mixed(v, follows, m, y);
     store_planes(y, in, count, out);
 }

@@ -19,7 +19,7 @@ import numpy as np
 from lichen.image import Alpha, Extent, Image
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
-from lichen.operation import ROUNDING, Error, Facts, Inputs, Rate
+from lichen.operation import ROUNDING, Error, Facts, Inputs, Rate, Stage
 
 FLOAT_MAX = float(np.finfo(np.float32).max)
 BLOCK = 1 << 14
@@ -89,9 +89,7 @@ def launch(device: Device, image: Image, affine: Affine) -> Array:
     """The map by affine.cl."""
     source = aligned(image.pixels)
     out = aligned_empty(source.shape)
-    numbers = np.zeros((affine.size, 5), np.float32)
-    numbers[:, : affine.size] = affine.factors
-    numbers[:, 4] = affine.added
+    numbers = _numbers(affine)
     pixels = image.height * image.width
     defines: dict[str, int | float | str] = {
         "IN": image.channels, "OUT": image.channels, "READ": affine.size, "MADE": affine.size, "SIZE": affine.size,
@@ -104,6 +102,20 @@ def launch(device: Device, image: Image, affine: Affine) -> Array:
             defines=defines,
         )  # fmt: skip
     return out
+
+
+def _numbers(affine: Affine) -> Array:
+    """What affine.cl reads: rows of four factors and what is added."""
+    numbers = np.zeros((affine.size, 5), np.float32)
+    numbers[:, : affine.size] = affine.factors
+    numbers[:, 4] = affine.added
+    return numbers
+
+
+def stage(affine: Affine, facts: Facts) -> Stage:
+    """The map as a step of a generated kernel."""
+    defines = {"SIZE": affine.size, "FOLLOWS": follows(affine, facts.alpha, facts.channels)}
+    return Stage("colour/affine_stage.clh", defines, tuple(map(float, _numbers(affine).reshape(-1))))
 
 
 def error(affine: Affine, facts: Facts) -> Error:

@@ -138,6 +138,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples,
     rates=affine.RATES,
+    stage=lambda p, facts: affine.stage(p.affine, facts["image"]),
 )
 class Exact(affine.Applied):
     """One matrix for each angle, applied by fused multiply-adds in float32."""

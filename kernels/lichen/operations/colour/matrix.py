@@ -162,6 +162,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples,
     rates=affine.RATES,
+    stage=lambda p, facts: affine.stage(p.affine, facts["image"]),
 )
 class Exact(affine.Applied):
     """Fused multiply-adds in float32, sixteen pixels at a time."""

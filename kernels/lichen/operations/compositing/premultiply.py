@@ -33,6 +33,7 @@ from lichen.operation import (
     Operation,
     OperationParameters,
     Rate,
+    Stage,
 )
 
 SMALLEST = np.finfo(np.float32).tiny
@@ -109,6 +110,10 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples,
     rates={"opencl": Rate(2e-4, 4e-10), "numpy": Rate(2.5e-5, 1.3e-9)},
+    stage=lambda p, facts: Stage(
+        "compositing/premultiply_stage.clh",
+        {"INVERSE": int(p.inverse), "CHANGING": int(_changes(p, facts["image"].alpha))},
+    ),
 )
 class Exact:
     """One multiplication or division for each colour sample."""

@@ -5,14 +5,13 @@
 
 #include "flat.clh"
 #include "numeric.clh"
+#include "curve.clh"
+#define OWN(name) name
+#include "curve_ends.clh"
 
 FLAT_FN float16 finished(float16 y, float16 x, float16 held, global const float *ends, ulong at)
 {
-#if EXTENDED
-    // A slope of 0 beyond the ends stays 0 for an infinity.
-    y = (x < ends[0] && (float16)(ends[2]) != 0.0f) ? fma(x - held, (float16)(ends[2]), y) : y;
-    y = (x > ends[1] && (float16)(ends[3]) != 0.0f) ? fma(x - held, (float16)(ends[3]), y) : y;
-#endif
+    y = extended(y, x, held, ends);
 #if PICKED >= 0
     uint16 lane = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) + (uint)(at % CHANNELS);
     return select(x, y, lane % CHANNELS == PICKED);
@@ -21,7 +20,6 @@ FLAT_FN float16 finished(float16 y, float16 x, float16 held, global const float 
 #endif
 }
 
-// `pieces` holds (knot, c0, c1, c2, c3) of each piece. Every piece is passed by and the last one begun is kept.
 kernel void exact(global const float *restrict in, global float *restrict out, global const float *restrict ends,
                   global const float *restrict pieces, int count, ulong samples)
 {
@@ -30,18 +28,7 @@ kernel void exact(global const float *restrict in, global float *restrict out, g
         return;
     float16 x = flat_load(in, at, samples);
     float16 held = num_clamp(x, (float16)(ends[0]), (float16)(ends[1]));
-    float16 knot = pieces[0], a = pieces[1], b = pieces[2], c = pieces[3], d = pieces[4];
-    for (int i = 1; i < count; i++) {
-        global const float *p = pieces + 5 * i;
-        int16 begun = held >= p[0];
-        knot = begun ? (float16)(p[0]) : knot;
-        a = begun ? (float16)(p[1]) : a;
-        b = begun ? (float16)(p[2]) : b;
-        c = begun ? (float16)(p[3]) : c;
-        d = begun ? (float16)(p[4]) : d;
-    }
-    float16 t = held - knot;
-    float16 y = fma(t, fma(t, fma(t, d, c), b), a);
+    float16 y = pieced(held, pieces, count);
     flat_store(finished(y, x, held, ends, at), out, at, samples);
 }
 

@@ -39,6 +39,7 @@ from lichen.operation import (
     Operation,
     OperationParameters,
     Rate,
+    Stage,
 )
 from lichen.operations.tone.pieces import Pieces, Points, tabulated, through
 from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned
@@ -281,11 +282,20 @@ def _defines(p: Parameters, image: Image) -> dict[str, int]:
     return {"EXTENDED": int(p.beyond is Beyond.EXTEND), "PICKED": picked, "CHANNELS": image.channels}
 
 
+def _stage(p: Parameters) -> Stage:
+    """The pieces as a step of a generated kernel."""
+    rows, picked = _rows(p.points, p.straight), -1 if p.channel is None else p.channel
+    numbers = tuple(map(float, [*_ends(p, 1), *rows.reshape(-1)]))
+    defines = {"EXTENDED": int(p.beyond is Beyond.EXTEND), "PICKED": picked, "COUNT": len(rows)}
+    return Stage("tone/curve_stage.clh", defines, numbers)
+
+
 @curve.method(
     "exact",
     error=_exact_error,
     work=lambda p, knob, facts: facts["image"].samples * (2.0 + len(p.points) / 4),
     rates={"opencl": Rate(2e-4, 1.2e-10), "numpy": Rate(1e-4, 3e-9)},
+    stage=lambda p, facts: _stage(p),
 )
 class Exact:
     """The pieces themselves; its time grows with the number of points."""

@@ -8,6 +8,9 @@
 #include "flat.clh"
 #include "numeric.clh"
 
+#define OWN(name) name
+#include "levels_one.clh"
+
 #define RUN (CHANNELS + 16)
 
 kernel void levels(global const float *restrict in, global float *restrict out, global const float *restrict k,
@@ -18,15 +21,7 @@ kernel void levels(global const float *restrict in, global float *restrict out, 
         return;
     float16 x = flat_load(in, at, samples);
     global const float *own = k + at % CHANNELS;
-    float16 t = ((x - vload16(0, own)) - vload16(0, own + RUN)) * vload16(0, own + 2 * RUN);
-#if CLAMPED
-    t = num_clamp(t, (float16)(0.0f), (float16)(1.0f));
-#endif
-#if CURVED
-    t = copysign(num_pow(fabs(t), vload16(0, own + 4 * RUN)), t);
-#endif
-#if CLAMPED || CURVED
-    t *= vload16(0, own + 5 * RUN);
-#endif
-    flat_store(flat_keep_coverage(t + vload16(0, own + 3 * RUN), x, at), out, at, samples);
+    float16 y = levelled(x, vload16(0, own), vload16(0, own + RUN), vload16(0, own + 2 * RUN), vload16(0, own + 3 * RUN),
+                         vload16(0, own + 4 * RUN), vload16(0, own + 5 * RUN));
+    flat_store(flat_keep_coverage(y, x, at), out, at, samples);
 }

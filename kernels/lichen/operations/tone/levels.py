@@ -42,6 +42,7 @@ from lichen.operation import (
     Operation,
     OperationParameters,
     Rate,
+    Stage,
 )
 from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned
 
@@ -333,6 +334,11 @@ def _numbers(p: Parameters, colours: int) -> Array:
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples * (3.0 if _curved(p) else 1.0),
     rates={"opencl": Rate(2e-4, 2.4e-10), "numpy": Rate(1e-4, 2.2e-9)},
+    stage=lambda p, facts: Stage(
+        "tone/levels_stage.clh",
+        {"CLAMPED": int(p.clamp), "CURVED": int(_curved(p))},
+        tuple(map(float, np.ravel(_numbers(p, _colours(facts["image"]))))),
+    ),
 )
 class Exact:
     """The formula in float32, black in two parts."""

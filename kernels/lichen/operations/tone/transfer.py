@@ -53,6 +53,7 @@ from lichen.operation import (
     Operation,
     OperationParameters,
     Rate,
+    Stage,
 )
 from lichen.operations.tone import curves, standards
 from lichen.operations.tone.curves import FLOAT_MAX, WHOLE, Curve, Direction, Form
@@ -62,7 +63,7 @@ from lichen.operations.tone.piecewise import held
 from lichen.operations.tone.shapes import Pieced, Powers, Shape, Whole
 from lichen.operations.tone.tables import tabulate
 from lichen.operations.tone.transfer_cases import CASES
-from lichen.operations.tone.transfer_launch import launch
+from lichen.operations.tone.transfer_launch import constants, definitions, launch
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -301,6 +302,9 @@ def _exact_error(p: Parameters, facts: Facts) -> Error:
     error=lambda p, knob, facts: _exact_error(p, facts["image"]),
     work=_work,
     rates={"opencl": Rate(3e-4, 4.5e-10), "numpy": Rate(1e-4, 3.6e-9)},
+    stage=lambda p, facts: Stage(
+        "tone/transfer_stage.clh", definitions(form(p), p.clamped), tuple(map(float, constants(form(p))))
+    ),
 )
 class Exact:
     """The curve itself in float32, written so that nothing cancels; the error is a few roundings times the

@@ -41,19 +41,23 @@ def _body(shape: Form) -> str:
     return "power_of_sum" if shape.lift else "sum_of_power"
 
 
-def launch(device: Device, image: Image, shape: Form, clamped: bool, kernel: str, *arguments: Any) -> Array:
-    """The colour channels through a kernel of transfer.cl; `arguments` come between its constants and the count."""
-    source = aligned(image.pixels)
-    out = aligned_empty(source.shape)
-    coverage = image.channels if image.alpha is not Alpha.NONE else 0
-    defines: dict[str, int | float | str] = {
+def definitions(shape: Form, clamped: bool) -> dict[str, int | float | str]:
+    """What a curve's text is built with."""
+    return {
         "BODY": _body(shape),
         "TOE": shape.toe,
         "GAPPED": int(shape.floor > -math.inf),
         "SHIFTED": int(shape.offset != 0),
         "CLAMPED": int(clamped),
-        "COVERAGE": coverage,
     }
+
+
+def launch(device: Device, image: Image, shape: Form, clamped: bool, kernel: str, *arguments: Any) -> Array:
+    """The colour channels through a kernel of transfer.cl; `arguments` come between its constants and the count."""
+    source = aligned(image.pixels)
+    out = aligned_empty(source.shape)
+    coverage = image.channels if image.alpha is not Alpha.NONE else 0
+    defines = {**definitions(shape, clamped), "COVERAGE": coverage}
     samples = source.size
     with device.session() as session:
         session.launch(

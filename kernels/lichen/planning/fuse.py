@@ -1,0 +1,136 @@
+"""The pass that lets chains of pointwise methods run as one kernel, so that pixels are read and written once.
+
+A link of a chain is a node whose method says what it is as a stage (`Method.stage`), whose input nobody else reads and
+whose picture keeps its size and channels. Stages do the arithmetic of their methods, so fusing changes no bit, and all
+that is predicted of the nodes stays true. The kernel's text follows from the stages' headers and definitions; their
+numbers are its argument, so that pipelines of one shape share a program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from lichen.accuracy.precision import Precision
+from lichen.image import Alpha
+from lichen.operation import Facts, Stage
+from lichen.planning.budget import Problem
+from lichen.planning.choose import measures, target_error
+from lichen.planning.graph import Candidate, Decision, Graph, Node, Request, inputs_of
+
+CHANNELS = (3, 4)
+"""Of pictures whose pixels are taken apart into vectors quickly."""
+LONGEST = 16
+"""Stages of one kernel."""
+MOVED = {"start": 2e-4, "step": 1.5e-10}
+"""Seconds that a launch takes and that a sample takes on its way from memory and back: what a link saves."""
+
+
+def fuse(graph: Graph, request: Request) -> Graph:
+    """The graph with its chains named, first node to last."""
+    if request.backend != "opencl" or graph.precision is not Precision.FLOAT32:
+        return graph
+    facts = graph.facts()
+    graph = _linked(graph, facts, request)
+    stages = {node.name for node in graph.nodes if stage_of(node, facts) is not None}
+    readers: dict[str, list[str]] = {}
+    for node in (*graph.nodes, *graph.observers):
+        for source in node.inputs.values():
+            readers.setdefault(source, []).append(node.name)
+    kept = {output.source for output in graph.outputs.values()}
+    chains: dict[str, list[str]] = {}
+    for node in graph.nodes:
+        if node.name not in stages:
+            continue
+        before = chains.get(node.first or "")
+        alone = readers.get(node.first or "") == [node.name] and node.first not in kept
+        if before is not None and alone and len(before) < LONGEST:
+            del chains[before[-1]]
+            chains[node.name] = [*before, node.name]
+        else:
+            chains[node.name] = [node.name]
+    found = tuple(tuple(chain) for chain in chains.values() if len(chain) > 1)
+    return graph.replace(fused=found).deciding(_decision(chain, facts) for chain in found)
+
+
+def _linked(graph: Graph, facts: Mapping[str, Facts], request: Request) -> Graph:
+    """With methods that are stages in place of others between stages, where that is quicker and the errors allow it."""
+    if request.max_ms is not None:
+        return graph
+    choices = {node.name: node.choice for node in graph.nodes if node.choice is not None}
+    targets = {name: target_error(facts[each.source], each, request) for name, each in graph.outputs.items()}
+    problem = Problem(graph, facts, request, {}, targets, measures(request))
+    kept = [measure for _, measure in problem.measures if problem.excess(choices, measure) <= 1][:1]
+    staged = {node.name for node in graph.nodes if stage_of(node, facts) is not None}
+    near = {source for node in graph.nodes if node.name in staged for source in node.inputs.values()}
+    for node in graph.nodes:
+        if node.name in staged or not (node.name in near or node.first in staged):
+            continue
+        for offer in _stages_among(node, facts):
+            trial = {**choices, node.name: offer}
+            if all(problem.excess(trial, measure) <= 1 for measure in kept):
+                choices = trial
+                break
+    return graph.replace(nodes=tuple(node.replace(choice=choices[node.name]) for node in graph.nodes))
+
+
+def _stages_among(node: Node, facts: Mapping[str, Facts]) -> list[Candidate]:
+    """The candidates that are stages and, with what a link saves, no slower than the choice."""
+    if node.choice is None:
+        return []
+    most = node.choice.seconds + MOVED["start"] + MOVED["step"] * facts[node.name].samples
+    usable = [offer for offer in node.alternatives if offer.unfit is None and offer.passes is None]
+    return [o for o in usable if o.seconds <= most and stage_of(node.replace(choice=o), facts) is not None]
+
+
+def stage_of(node: Node, facts: Mapping[str, Facts]) -> Stage | None:
+    """The node as a stage, where its method is one and its picture fits."""
+    choice = node.choice
+    method = None if choice is None else node.operation.methods.get(choice.method)
+    if method is None or len(node.inputs) != 1 or node.operation.finds:
+        return None
+    known, made = inputs_of(node, facts), facts[node.name]
+    (image,) = known.values()
+    shape = (image.height, image.width, image.channels)
+    if image.channels not in CHANNELS or shape != (made.height, made.width, made.channels):
+        return None
+    return method.stage(node.parameters, known)
+
+
+def _decision(chain: Sequence[str], facts: Mapping[str, Facts]) -> Decision:
+    saved = (len(chain) - 1) * (MOVED["start"] + MOVED["step"] * facts[chain[-1]].samples)
+    reason = f"one kernel does {', '.join(chain)}"
+    return Decision("fuse", chain[-1], f"fused with {len(chain) - 1} before it", reason, saved_ms=saved * 1e3)
+
+
+def text_of(stages: Sequence[Stage], channels: int, alphas: Sequence[Alpha]) -> str:
+    """The kernel of a chain: `fused(in, out, k, pixels)`, sixteen pixels for each work-item."""
+    lines = [f"#define {name} {channels}" for name in ("IN", "OUT", "READ", "MADE", "CHANNELS")]
+    lines.append('#include "colour/planes.clh"')
+    for number, (stage, alpha) in enumerate(zip(stages, alphas, strict=True)):
+        defines = {"COLOURS": channels - (alpha is not Alpha.NONE), **stage.defines}
+        lines.append(f"#define OWN(name) stage{number}_##name")
+        lines += [f"#define {name} {_literal(value)}" for name, value in defines.items()]
+        lines.append(f'#include "{stage.source}"')
+        lines += [f"#undef {name}" for name in ("OWN", *defines)]
+    lines += [
+        "kernel void fused(global const float *restrict in, global float *restrict out,",
+        "                  global const float *restrict k, int pixels)",
+        "{",
+        "    int first = get_global_id(0) * WIDTH;",
+        "    if (first >= pixels)",
+        "        return;",
+        "    int count = min(pixels - first, WIDTH);",
+        "    in += (size_t)first * IN;",
+        "    out += (size_t)first * OUT;",
+        "    float16 v[4];",
+        "    load_planes(in, count, v);",
+    ]
+    at = 0
+    for number, stage in enumerate(stages):
+        lines.append(f"    stage{number}_stage(v, k + {at});")
+        at += len(stage.numbers)
+    return "\n".join([*lines, "    store_planes(v, in, count, out);", "}"]) + "\n"
+
+
+def _literal(value: int | float | str) -> str:
+    return f"{value.hex()}f" if isinstance(value, float) else str(int(value) if isinstance(value, bool) else value)

@@ -1,0 +1,168 @@
+"""Pipelines: what planning costs, and what fusing, pruning and regions save.
+
+    .venv/bin/python tests/benchmarks/bench_pipelines.py
+
+The chain decode, matrix, exposure, saturation, curve, encode on RGB: one kernel, its nodes one after the other, and the
+same in NumPy and OpenCV, with the largest difference of each from truth. Runs are interleaved; medians and minima of
+wall time. Planning is timed by the processor time of its thread, so that a busy machine does not show.
+"""
+
+from __future__ import annotations
+
+import resource
+import statistics
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import cv2
+import numpy as np
+
+import lichen
+from lichen.engine import prepare_pipeline
+from lichen.execution import exact
+from lichen.image import Image, Space
+from lichen.memory import aligned
+from lichen.order import read_pipeline_order
+from lichen.planning import predict
+from lichen.planning.check import unmeasured
+from lichen.planning.graph import Graph
+from lichen.planning.plan import make_plan
+
+MATRIX = np.array([[0.8, 0.15, 0.05], [0.1, 0.8, 0.1], [0.05, 0.15, 0.8]])
+POINTS = [[0, 0], [0.3, 0.2], [0.7, 0.8], [1, 1]]
+GREY = np.array([0.2126390, 0.7151687, 0.0721923])
+CHAIN = (
+    f"transfer:direction=decode|matrix:matrix={MATRIX.tolist()}|levels:white=0.7|saturation:amount=1.2"
+    f"|curve:points={POINTS}|transfer:direction=encode"
+)
+
+
+def decoded(x: np.ndarray) -> np.ndarray:
+    return np.where(
+        x <= 0.04045, x / np.float32(12.92), ((x + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
+    )
+
+
+def encoded(x: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore"):
+        y = np.float32(1.055) * np.abs(x) ** np.float32(1 / 2.4) - np.float32(0.055)
+    return np.where(np.abs(x) <= 0.0031308, np.float32(12.92) * x, np.copysign(y, x))
+
+
+def knots() -> np.ndarray:
+    """The curve as a table, as one makes it for NumPy."""
+    line = Image(np.linspace(0, 1, 4097, dtype=np.float32).reshape(1, -1, 1))
+    return lichen.run("curve", line, points=POINTS, device="numpy").image.pixels.reshape(-1)
+
+
+def saturated() -> np.ndarray:
+    return (1 - 1.2) * np.broadcast_to(GREY, (3, 3)) + 1.2 * np.eye(3)
+
+
+def by_numpy(x: np.ndarray, table: np.ndarray) -> np.ndarray:
+    y = decoded(x) @ MATRIX.T.astype(np.float32) / np.float32(0.7)
+    y = y @ saturated().T.astype(np.float32)
+    y = np.interp(y, np.linspace(0, 1, table.size), table).astype(np.float32)
+    return encoded(y)
+
+
+def by_opencv(x: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """As OpenCV does it best: powers and matrices by its own loops, the curve by remap."""
+    low = x <= 0.04045
+    y = cv2.pow((x + np.float32(0.055)) * np.float32(1 / 1.055), 2.4)
+    np.copyto(y, x * np.float32(1 / 12.92), where=low)
+    y = cv2.transform(cv2.transform(y, (MATRIX / 0.7).astype(np.float32)), saturated().astype(np.float32))
+    at = np.clip(y, 0, 1).reshape(x.shape[0], -1) * np.float32(table.size - 1)
+    y = cv2.remap(table.reshape(1, -1), at, np.zeros_like(at), cv2.INTER_LINEAR).reshape(x.shape)
+    low = y <= 0.0031308
+    z = cv2.pow(y, 1 / 2.4) * np.float32(1.055) - np.float32(0.055)
+    np.copyto(z, y * np.float32(12.92), where=low)
+    return z
+
+
+def interleaved(runs: dict[str, Callable[[], Any]], rounds: int) -> dict[str, list[float]]:
+    took: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(rounds + 1):
+        for name, run in runs.items():
+            began = time.perf_counter()
+            run()
+            took[name].append((time.perf_counter() - began) * 1e3)
+    return {name: each[1:] for name, each in took.items()}
+
+
+def chain(size: int, rounds: int) -> None:
+    pixels = aligned(np.random.default_rng(1).random((size, size, 3), dtype=np.float32))
+    image, table = Image(pixels, Space.SRGB), knots()
+    assert image.extent.high <= 1
+    wish: dict[str, Any] = {"max_error": 1e-3, "device": "opencl"}
+    fused = prepare_pipeline(CHAIN, image, **wish)
+    alone = prepare_pipeline(CHAIN, image, **wish, prune=False)
+    assert len(fused.plan.graph.fused) == 1, fused.plan.graph.fused
+    copy = np.empty_like(pixels)
+    runs: dict[str, Callable[[], Any]] = {
+        "one kernel": fused.run,
+        "one after the other": alone.run,
+        "OpenCV": partial(by_opencv, pixels, table),
+        "NumPy": partial(by_numpy, pixels, table),
+        "copying": partial(np.copyto, copy, pixels),
+    }
+    took = interleaved(runs, rounds)
+    small = Image(np.ascontiguousarray(pixels[:128, :128]), Space.SRGB)
+    truth = exact(prepare_pipeline(CHAIN, small, **wish).plan.graph, {"input.image": small})
+    found = {
+        "one kernel": lichen.run_pipeline(CHAIN, small, **wish)["result"].image.pixels,
+        "one after the other": lichen.run_pipeline(CHAIN, small, **wish, prune=False)["result"].image.pixels,
+        "OpenCV": by_opencv(small.pixels, table),
+        "NumPy": by_numpy(small.pixels, table),
+    }
+    print(f"\n### {size} x {size} x 3: decode, matrix, exposure, saturation, curve, encode\n")
+    print("| by | median ms | least ms | largest error |\n|---|---:|---:|---:|")
+    for name, each in took.items():
+        error = f"{np.max(np.abs(found[name] - truth)):.2g}" if name in found else ""
+        print(f"| {name} | {statistics.median(each):.1f} | {min(each):.1f} | {error} |")
+    print(f"\npredicted: {fused.plan.seconds * 1e3:.1f} ms in one kernel, {alone.plan.seconds * 1e3:.1f} ms apart")
+
+
+def planning(nodes: int) -> None:
+    steps = [
+        (f"gaussian:sigma={1 + i % 5}", f"levels:black=0.0{i % 9},white=0.9", f"saturation:amount=1.{1 + i % 8}")[i % 3]
+        for i in range(nodes)
+    ]
+    image = Image(np.random.default_rng(1).random((64, 64, 3), dtype=np.float32), Space.LINEAR)
+    order = read_pipeline_order("|".join(steps), {"image": image}, {}, "numpy")
+    facts = {name: unmeasured(each) for name, each in order.images.items()}
+    took = []
+    for _ in range(20):
+        began = time.thread_time()
+        make_plan(Graph(facts, order.nodes, order.outputs), order.request)
+        took.append((time.thread_time() - began) * 1e3)
+    for each in (predict.result, predict.carried, predict.offers, predict.offer):
+        each.cache_clear()
+    began = time.thread_time()
+    make_plan(Graph(facts, order.nodes, order.outputs), order.request)
+    first = (time.thread_time() - began) * 1e3
+    print(f"\n### planning a graph of {nodes} nodes\n\n{min(took):.1f} ms, {first:.1f} ms when nothing is known yet")
+
+
+def memory(size: int, nodes: int) -> None:
+    image = Image(np.zeros((size, size, 4), np.float32))
+    vars(image)["extent"] = lichen.Image(np.linspace(0, 1, 4, dtype=np.float32).reshape(1, 1, 4)).extent
+    text = "|".join(("box:width=3,height=3", f"levels:black=0.0{i + 1}")[i % 2] for i in range(nodes))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    plan = lichen.run_pipeline(text, image)["result"].plan
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / image.pixels.nbytes
+    foreseen = plan.peak_bytes / image.pixels.nbytes
+    print(f"\n### {nodes} nodes on {size} x {size} x 4: memory in pictures\n")
+    print(f"foreseen {foreseen:.2f} with the source; the process grew by {grown:.2f} beside it")
+
+
+def main() -> None:
+    memory(2048, 12)
+    planning(100)
+    chain(2048, 9)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,156 @@
+"""Fused chains: the same bits as one method after the other, from generated kernels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lichen
+from lichen import execution
+from lichen.errors import DeviceFailure
+from lichen.execution import by_chain, by_method
+from lichen.image import Alpha, Image, Space
+from lichen.opencl import programs
+from lichen.opencl.device import default_device
+from lichen.operation import Error, Facts, Method, Operation, no_stage
+from lichen.planning.fuse import LONGEST, stage_of
+from lichen.planning.graph import Candidate, Graph, Node
+
+OPERATIONS = dict(lichen.operations())
+STAGED = {
+    f"{operation.name}-{method.name}": (operation, method)
+    for operation in OPERATIONS.values()
+    for method in operation.methods.values()
+    if method.stage is not no_stage
+}
+CHAIN = (
+    "transfer:direction=decode|matrix:matrix=[[0.8,0.15,0.05],[0.1,0.8,0.1],[0.05,0.15,0.8]]|levels:white=0.7"
+    "|saturation:amount=1.2|curve:points=[[0,0],[0.3,0.2],[0.7,0.8],[1,1]]|transfer:direction=encode"
+)
+
+
+def picture(channels: int, alpha: Alpha, height: int = 9, width: int = 13) -> Image:
+    rng = np.random.default_rng(channels)
+    pixels = (rng.random((height, width, channels)) * 1.5 - 0.25).astype(np.float32)
+    pixels[0, :5, 0] = [np.nan, np.inf, -np.inf, 0.0, -0.0]
+    pixels[1, :4] = [[1e-40], [1e30], [-1e-3], [0.0031308]]
+    return Image(pixels, Space.DATA, alpha)
+
+
+@pytest.mark.parametrize(("operation", "method"), list(STAGED.values()), ids=list(STAGED))
+@pytest.mark.parametrize(
+    ("channels", "alpha"), [(3, Alpha.NONE), (4, Alpha.NONE), (4, Alpha.STRAIGHT), (4, Alpha.ASSOCIATED)]
+)
+def test_a_stage_does_what_its_method_does(
+    operation: Operation[Any], method: Method[Any], channels: int, alpha: Alpha
+) -> None:
+    device = default_device()
+    assert device is not None
+    image = picture(channels, alpha)
+    facts = {"in": Facts.of(image)}
+    tried = 0
+    for example in operation.examples:
+        parameters = operation.validate(example)
+        name = operation.inputs[0].name
+        choice = Candidate(method.name, None, Error(0.0, "bound"), 0.0)
+        node = Node("a", operation, parameters, {name: "in"}, choice)
+        if operation.check(parameters, {name: facts["in"]}):
+            continue
+        graph = Graph.of(facts, (node,), "a")
+        if stage_of(node, graph.facts()) is None:
+            continue
+        fused = by_chain([node], graph, {name: image}, device)
+        np.testing.assert_array_equal(fused, by_method(node, {name: image}, device), err_msg=str(example))
+        tried += 1
+    assert tried or channels == 4
+
+
+@pytest.mark.parametrize("size", [(1, 1), (5, 3), (64, 65)])
+@pytest.mark.parametrize("alpha", [Alpha.NONE, Alpha.STRAIGHT])
+def test_a_chain_is_one_kernel_with_the_same_bits(size: tuple[int, int], alpha: Alpha) -> None:
+    pixels = np.random.default_rng(2).random((*size, 3 + (alpha is not Alpha.NONE)), dtype=np.float32)
+    pixels[0, 0, 0] = np.nan
+    image = Image(pixels, Space.SRGB, alpha)
+    fused = lichen.run_pipeline(CHAIN, image, device="opencl", max_error=1.0)["result"]
+    alone = lichen.run_pipeline(CHAIN, image, device="opencl", max_error=1.0, prune=False)["result"]
+    chains = fused.plan.graph.fused
+    assert chains
+    assert not alone.plan.graph.fused
+    inner = {name for chain in chains for name in chain[:-1]}
+    timed = {name.removeprefix("kernel.") for name in fused.timing if name.startswith("kernel.")}
+    assert timed == {node.name for node in fused.plan.nodes} - inner
+    if [node.choice.method for node in fused.plan.nodes if node.choice] == [
+        node.choice.method for node in alone.plan.nodes if node.choice
+    ]:
+        np.testing.assert_array_equal(fused.image.pixels, alone.image.pixels)
+    assert fused.plan.to_json()["fused"] == [list(chain) for chain in chains]
+    assert [each.node for each in fused.decisions if each.pass_ == "fuse"] == [chain[-1] for chain in chains]
+
+
+def links(text: str | dict[str, Any], channels: int = 3, **wish: Any) -> list[tuple[str, ...]]:
+    image = Image(np.full((8, 8, channels), 0.5, np.float32))
+    vars(image)["extent"] = lichen.Image(np.linspace(0, 1, 12, dtype=np.float32).reshape(2, 2, 3)).extent
+    return list(lichen.explain_pipeline(text, image, **{"device": "opencl", **wish}).graph.fused)
+
+
+def test_chains_end_where_others_read_or_pixels_meet() -> None:
+    assert links("levels:black=0.1|gaussian:sigma=1|levels:black=0.2|saturation") == [("levels2", "saturation")]
+    assert links("a=levels:black=0.1|b=levels:black=0.2|mix:base=a,amount=0.5|c=levels|d=levels:gamma=2") == []
+    two = {
+        "nodes": {
+            "a": {"operation": "levels", "parameters": {"black": 0.1}},
+            "b": {"operation": "levels", "parameters": {"black": 0.2}, "inputs": {"image": "a"}},
+            "c": {"operation": "levels", "parameters": {"black": 0.3}, "inputs": {"image": "b"}},
+        },
+        "outputs": {"x": "a", "y": "c"},
+    }
+    assert links(two) == [("b", "c")]
+
+
+def test_where_chains_are_not_fused() -> None:
+    text = "levels:black=0.1|levels:black=0.2"
+    assert links(text)
+    for case in ({"prune": False}, {"device": "numpy"}, {"precision": "float16"}, {"channels": 2}, {"channels": 5}):
+        assert not links(text, **case), case
+
+
+def test_long_chains_are_cut() -> None:
+    text = "|".join(f"levels:black=0.{number + 10}" for number in range(LONGEST + 3))
+    assert [len(chain) for chain in links(text)] == [LONGEST, 3]
+
+
+def test_memory_counts_no_picture_inside_a_chain() -> None:
+    image = Image(np.random.default_rng(1).random((8, 8, 3), dtype=np.float32))
+    plan = lichen.explain_pipeline(CHAIN, image, device="opencl", max_error=1e-3)
+    assert plan.peak_bytes == 2 * image.pixels.nbytes
+
+
+def test_too_many_kernels_run_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    image = Image(np.random.default_rng(1).random((8, 8, 3), dtype=np.float32))
+    fused = lichen.run_pipeline(CHAIN, image, device="opencl", max_error=1e-3)["result"].image.pixels
+    monkeypatch.setattr(execution, "compose", lambda text: None)
+    np.testing.assert_array_equal(
+        lichen.run_pipeline(CHAIN, image, device="opencl", max_error=1e-3)["result"].image.pixels, fused
+    )
+
+
+def test_generated_texts_are_bounded_and_named_by_what_they_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(programs, "_composed", {})
+    monkeypatch.setattr(programs, "MOST_COMPOSED", 1)
+    one = programs.compose('#include "numeric.clh"\n')
+    assert one == programs.compose('#include "numeric.clh"\n')
+    assert one is not None
+    assert programs.compose("// another\n") is None
+    assert "num_exp2" in programs._composed[one].text
+    monkeypatch.setattr(programs, "_composed", {})
+    with pytest.raises(DeviceFailure, match="does not exist"):
+        programs.compose('#include "nothing.clh"\n')
+
+
+def test_a_method_that_can_be_fused_takes_the_place_of_one_that_cannot() -> None:
+    image = Image(np.random.default_rng(1).random((64, 64, 3), dtype=np.float32))
+    plan = lichen.explain_pipeline(CHAIN, image, device="opencl", max_error=1e-3)
+    assert plan.graph.fused == (tuple(node.name for node in plan.nodes),)
+    assert plan.error.value <= 1e-3
