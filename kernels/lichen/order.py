@@ -20,7 +20,7 @@ from lichen.catalogue import operation
 from lichen.errors import Flaw, InvalidRequest, NonfiniteInput, nearest
 from lichen.image import Alpha, Image, Space, Storage, as_image, repaired
 from lichen.operation import Facts, Operation
-from lichen.planning.check import flaws_of, unfit, unmeasured
+from lichen.planning.check import flaws_of_crop, flowing, unfit, unmeasured
 from lichen.planning.graph import RESULT, Asked, Graph, Node, Output, Request
 from lichen.planning.pipeline import INPUT, Exit, Pipeline, escaped, nodes_of, read
 
@@ -82,7 +82,9 @@ class Order:
         def where(node: Node) -> str:
             return f"/nodes/{escaped(node.name)}" if self.pointers else ""
 
-        flaws = flaws_of(self.nodes, sources, where)
+        flaws, known = flowing(self.nodes, sources, where)
+        for name, output in self.outputs.items():
+            flaws += flaws_of_crop(output, known.get(output.source), f"/outputs/{escaped(name)}/crop")
         if flaws:
             raise InvalidRequest(f"This request for {self.title} is not valid.", flaws)
 
@@ -94,7 +96,13 @@ class Order:
         sources = {name: unmeasured(image) for name, image in self.images.items()}
         self.refuse_flaws(sources)
         known = Graph(sources, self.nodes, self.outputs).facts()
-        return {name: known[output.source] for name, output in self.outputs.items()}
+        facts = {name: known[output.source] for name, output in self.outputs.items()}
+        return {
+            name: dataclasses.replace(facts[name], width=output.crop[2], height=output.crop[3])
+            if output.crop
+            else facts[name]
+            for name, output in self.outputs.items()
+        }
 
 
 def read_order(name: str, first: Picture | None, arguments: Mapping[str, Any], backend: str) -> Order:
@@ -196,6 +204,7 @@ def _exit(name: str, said: Exit, usual: Output, images: Mapping[str, Image], fla
         _enumerated(Space, said.space, f"{where}/space", flaws) or usual.space,
         _enumerated(Alpha, said.alpha, f"{where}/alpha", flaws) or usual.alpha,
         _enumerated(Storage, said.storage, f"{where}/storage", flaws) or usual.storage or _storage(images),
+        said.crop,
     )
 
 

@@ -158,8 +158,28 @@ def memory(size: int, nodes: int) -> None:
     print(f"foreseen {foreseen:.2f} with the source; the process grew by {grown:.2f} beside it")
 
 
+def part(size: int, side: int, rounds: int) -> None:
+    """A small part of a large blur, whole pictures beside."""
+    image = Image(aligned(np.random.default_rng(1).random((size, size, 3), dtype=np.float32)), Space.LINEAR)
+    assert image.extent.high <= 1
+    corner = [size // 3, size // 3, side, side]
+    said = {
+        "nodes": {"a": {"operation": "gaussian", "parameters": {"sigma": 8}}},
+        "outputs": {"x": {"node": "a", "crop": corner}},
+    }
+    runs: dict[str, Callable[[], Any]] = {
+        name: prepare_pipeline(said, image, max_error=1e-3, prune=prune).run
+        for name, prune in (("part", True), ("whole", False))
+    }
+    took = interleaved(runs, rounds)
+    times = {name: statistics.median(each) for name, each in took.items()}
+    print(f"\n### {side} x {side} of a blur (sigma 8) of {size} x {size} x 3\n")
+    print(f"{times['part']:.2f} ms, {times['whole']:.1f} ms whole: {times['whole'] / times['part']:.0f} times")
+
+
 def main() -> None:
     memory(2048, 12)
+    part(4096, 256, 7)
     planning(100)
     chain(2048, 9)
 

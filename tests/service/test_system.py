@@ -1,0 +1,283 @@
+"""Paths about the service and its catalogue: documents, methods, readiness, and the OpenAPI description of it all."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+from openapi_spec_validator import OpenAPIV31SpecValidator
+
+import lichen
+from lichen.files import FORMATS, encode
+from lichen_service.app import Service
+from lichen_service.documents import as_query
+from lichen_service.queries import RESERVED
+from lichen_service.readiness import Readiness, example
+from lichen_service.settings import Settings
+
+from .conftest import Caller, form, pointers, problem_of, read_json
+
+DOCUMENTS = (
+    "/v1/operations",
+    "/v1/operations/gaussian",
+    "/v1/accuracy",
+    "/v1/limits",
+    "/v1/version",
+    "/openapi.json",
+    "/",
+)
+
+
+# ------------------------------------------------------------------------------------------------------ documents
+
+
+@pytest.mark.parametrize("path", DOCUMENTS)
+def test_documents_are_kept_by_their_tag(call: Caller, path: str) -> None:
+    first = call("GET", path)
+    assert first.status == 200
+    assert first.headers["Cache-Control"] == "no-cache"
+    again = call("GET", path, headers={"if-none-match": first.headers["ETag"]})
+    assert (again.status, again.body) == (304, b"")
+
+
+@pytest.mark.parametrize("path", [*DOCUMENTS, "/livez", "/readyz"])
+def test_head_has_the_headers_of_get(call: Caller, path: str) -> None:
+    assert call("HEAD", path).headers == call("GET", path).headers
+
+
+def test_the_list_names_every_operation(call: Caller, operations: Mapping[str, Any]) -> None:
+    listed = read_json(call("GET", "/v1/operations"))["operations"]
+    assert [each["name"] for each in listed] == list(operations)
+    for each in listed:
+        assert each["summary"]
+        assert call("GET", each["links"]["self"]).status == 200
+
+
+def test_a_description_holds_the_whole_declaration(call: Caller, operations: Mapping[str, Any]) -> None:
+    for name, operation in operations.items():
+        described = read_json(call("GET", f"/v1/operations/{name}"))
+        assert set(described["parameters"].get("properties", {})) == set(operation.parameters.model_fields)
+        assert [each["name"] for each in described["inputs"]] == [each.name for each in operation.inputs]
+        assert [each["name"] for each in described["methods"]] == list(operation.methods)
+        assert {each["knob"]["name"] for each in described["methods"] if each["knob"]} == set(operation.knobs)
+        assert all(set(each["rates"]) == {"opencl", "numpy"} for each in described["methods"])
+        assert set(described["options"]["properties"]) == RESERVED
+        assert [each["name"] for each in described["hard_cases"]] == [each.name for each in operation.hard_cases]
+        assert "$ref" not in str(described)
+
+
+def test_no_operation_uses_a_reserved_name(operations: Mapping[str, Any]) -> None:
+    for operation in operations.values():
+        names = {*operation.parameters.model_fields, *operation.knobs, *(each.name for each in operation.inputs)}
+        assert not names & RESERVED
+
+
+def test_units_and_ranges_are_published(call: Caller) -> None:
+    sigma = read_json(call("GET", "/v1/operations/gaussian"))["parameters"]["properties"]["sigma"]
+    assert (sigma["unit"], sigma["minimum"]) == ("px", 0)
+
+
+def test_limits_are_those_that_hold(call: Caller) -> None:
+    limits = read_json(call("GET", "/v1/limits"))
+    assert limits["body_bytes"] == call.settings.max_body
+    assert limits["image_pixels"] == call.settings.max_pixels
+
+
+def test_versions_name_what_computes(call: Caller) -> None:
+    versions = read_json(call("GET", "/v1/version"))
+    assert versions["lichen"] == lichen.__version__
+    assert versions["libraries"]["numpy"]
+    assert versions["opencl"]["device"] if versions["opencl"]["available"] else versions["opencl"]["reason"]
+
+
+def test_the_page_links_every_operation(call: Caller, operations: Mapping[str, Any]) -> None:
+    response = call("GET", "/")
+    assert response.headers["Content-Type"].startswith("text/html")
+    assert "default-src 'none'" in response.headers["Content-Security-Policy"]
+    for name in operations:
+        assert f'href="/v1/operations/{name}"' in bytes(response.body).decode()
+
+
+# --------------------------------------------------------------------------------------------- paths and methods
+
+
+def test_an_unknown_operation_is_named_with_its_neighbours(call: Caller, png: bytes) -> None:
+    for method in ("GET", "POST", "QUERY"):
+        problem = problem_of(call(method, "/v1/operations/gausian", png), 404, "unknown-operation")
+        assert "gaussian" in problem["detail"]
+    assert call.admitted == [False] * 3
+
+
+@pytest.mark.parametrize(("path", "near"), [("/v1/operation", "/v1/operations"), ("/v1/versions", "/v1/version")])
+def test_an_unknown_path_is_named_with_its_neighbours(call: Caller, path: str, near: str) -> None:
+    assert near in problem_of(call("GET", path), 404, "not-found")["detail"]
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "allow"),
+    [
+        ("PUT", "/v1/operations/gaussian", "GET, HEAD, OPTIONS, POST, QUERY"),
+        ("POST", "/v1/operations", "GET, HEAD, OPTIONS"),
+        ("DELETE", "/livez", "GET, HEAD, OPTIONS"),
+    ],
+)
+def test_a_wrong_method_is_told_the_right_ones(call: Caller, method: str, path: str, allow: str) -> None:
+    response = call(method, path)
+    problem_of(response, 405, "method-not-allowed")
+    assert response.headers["Allow"] == allow
+
+
+def test_options_say_what_may_be_sent(call: Caller) -> None:
+    response = call("OPTIONS", "/v1/operations/gaussian")
+    assert response.status == 204
+    assert response.headers["Allow"] == "GET, HEAD, OPTIONS, POST, QUERY"
+    accepted = response.headers["Accept-Query"].split(", ")
+    assert {"image/png", "image/x-exr", "application/x-npy", "multipart/form-data"} <= set(accepted)
+    assert "Accept-Query" not in call("OPTIONS", "/livez").headers
+    assert call("OPTIONS", "/nowhere").status == 404
+    assert call("OPTIONS", "/v1/operations/gausian").status == 404
+
+
+# ------------------------------------------------------------------------------------------- liveness, readiness
+
+
+def test_liveness_needs_no_thread_of_the_pool(call: Caller) -> None:
+    assert read_json(call("GET", "/livez")) == {"status": "alive"}
+    assert call.admitted == [False]
+
+
+def test_ready_means_that_a_request_went_through(call: Caller) -> None:
+    response = call("GET", "/readyz")
+    assert (response.status, read_json(response)) == (200, {"status": "ready"})
+    assert response.headers["Cache-Control"] == "no-store"
+
+
+def test_a_service_is_not_ready_before_it_is_warm(settings: Settings) -> None:
+    cold = Service(settings)
+    response = Caller(cold, settings)("GET", "/readyz")
+    problem = problem_of(response, 503, "not-ready")
+    assert problem["retryable"] is True
+    assert "Retry-After" in response.headers
+    assert Caller(cold, settings)("GET", "/livez").status == 200
+
+
+def _warm(request: Any, monkeypatch: pytest.MonkeyPatch, patience: float = 30.0) -> Readiness:
+    monkeypatch.setattr("lichen_service.readiness.warm_up", lambda: iter(()))
+    readiness = Readiness(request, patience=patience)
+    readiness.start()
+    assert readiness.wait(30)
+    return readiness
+
+
+def test_a_failing_operation_is_not_ready_and_may_recover(monkeypatch: pytest.MonkeyPatch) -> None:
+    failures = [RuntimeError("the device is gone")]
+
+    def request() -> None:
+        if failures:
+            raise failures.pop()
+
+    readiness = _warm(request, monkeypatch)
+    assert readiness.reason() == "a tiny request failed"
+    assert readiness.reason() is None
+
+
+def test_a_stuck_operation_is_not_ready_and_is_asked_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    released, asked = threading.Event(), []
+
+    def request() -> None:
+        asked.append(1)
+        released.wait(60)
+
+    readiness = _warm(request, monkeypatch, patience=0.05)
+    assert "not come back" in (readiness.reason() or "")
+    assert "not come back" in (readiness.reason() or "")
+    assert len(asked) == 1
+    released.set()
+    for _ in range(200):
+        if readiness.reason() is None:
+            break
+    assert readiness.reason() is None
+
+
+def test_a_broken_warm_up_still_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> Any:
+        raise RuntimeError("no catalogue")
+
+    monkeypatch.setattr("lichen_service.readiness.warm_up", broken)
+    readiness = Readiness(lambda: None)
+    readiness.start()
+    assert readiness.wait(30)
+    assert readiness.reason() is None  # the canary, which works, has the last word
+
+
+def test_every_operation_offers_an_example(operations: Mapping[str, Any]) -> None:
+    for operation in operations.values():
+        assert example(operation) is not None, f"{operation.name} cannot be warmed up"
+
+
+# --------------------------------------------------------------------------------------------------------- openapi
+
+
+def test_the_openapi_document_is_valid_and_whole(call: Caller, operations: Mapping[str, Any]) -> None:
+    document = read_json(call("GET", "/openapi.json"))
+    OpenAPIV31SpecValidator(document).validate()
+    for name, operation in operations.items():
+        posted = document["paths"][f"/v1/operations/{name}"]["post"]
+        names = {each["name"] for each in posted["parameters"]}
+        inputs = {each.name for each in operation.inputs}
+        assert names == {*operation.parameters.model_fields, *operation.knobs, *RESERVED, *inputs}
+        required = {each["name"] for each in posted["parameters"] if each["required"]}
+        assert required == {key for key, field in operation.parameters.model_fields.items() if field.is_required()}
+        parts = posted["requestBody"]["content"]["multipart/form-data"]["schema"]["properties"]
+        assert set(parts) == {each.name for each in operation.inputs}
+    identifiers = [
+        each["operationId"] for path in document["paths"].values() for each in path.values() if "operationId" in each
+    ]
+    assert len(set(identifiers)) == len(identifiers)
+
+
+def test_every_documented_get_is_answered_as_documented(call: Caller) -> None:
+    document = read_json(call("GET", "/openapi.json"))
+    shared = {f"#/components/responses/{name}": each for name, each in document["components"]["responses"].items()}
+    for path, methods in document["paths"].items():
+        if "get" not in methods or "parameters" in methods:  # what is stored is asked for in tests of its own
+            continue
+        names = next(
+            (each["schema"]["enum"] for each in methods["get"].get("parameters", ()) if each["in"] == "path"), []
+        )
+        answer = methods["get"]["responses"]["200"]
+        documented = shared.get(answer.get("$ref", ""), answer)["content"]
+        for each in [path.format(name=name) for name in names] or [path]:
+            response = call("GET", each)
+            assert response.status == 200, each
+            assert response.headers["Content-Type"].partition(";")[0] in documented
+
+
+def test_every_format_is_documented(call: Caller) -> None:
+    image = read_json(call("GET", "/openapi.json"))["components"]["responses"]["Image"]
+    assert {each.media_type for each in FORMATS.values()} <= set(image["content"])
+
+
+# ------------------------------------------------------------------------------------------ the whole catalogue
+
+
+def test_every_operation_answers_its_own_example(call: Caller, operations: Mapping[str, Any]) -> None:
+    for operation in operations.values():
+        made = example(operation)
+        assert made is not None
+        inputs, parameters = made
+        body, headers = form({name: bytes(encode(image, "npy").data) for name, image in inputs.items()})
+        query = "&".join(f"{name}={value}" for name, value in [*as_query(parameters), ("format", "npy")])
+        response = call("QUERY", f"/v1/operations/{operation.name}?{query}", body, headers)
+        assert response.status == 200, (operation.name, bytes(response.body))
+        assert response.headers["Content-Type"] == "application/x-npy"
+
+
+def test_a_missing_input_is_named(call: Caller, operations: Mapping[str, Any]) -> None:
+    for operation in operations.values():
+        required = {f"/inputs/{each.name}" for each in operation.inputs if each.required}
+        response = call("POST", f"/v1/operations/{operation.name}")
+        if required:
+            assert required <= pointers(problem_of(response, 422, "invalid-request"))

@@ -154,10 +154,8 @@ def _deliveries(
 
 
 def _delivered(pipeline: Pipeline, deliveries: Mapping[str, Delivery]) -> Pipeline:
-    from lichen.planning.pipeline import Exit
-
     outputs = {
-        name: Exit(each.node, form.format.name, form.storage, form.space, form.alpha)
+        name: dataclasses.replace(each, storage=form.storage, space=form.space, alpha=form.alpha)
         for name, each in pipeline.outputs.items()
         for form in [deliveries[name]]
     }

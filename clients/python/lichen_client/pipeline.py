@@ -71,7 +71,7 @@ class Pipeline:
         return Value(unique, self)
 
     def output(self, name: str, value: Value, **form: Any) -> None:
-        """Lets a value come out under a name; `form` may say format, storage, space and alpha."""
+        """Lets a value come out under a name; `form` may say format, storage, space, alpha and crop."""
         if value.owner is not self:
             raise ValueError(f"{value.name!r} belongs to another pipeline")
         if name in self.outputs:

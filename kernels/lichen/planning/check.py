@@ -10,11 +10,18 @@ from collections.abc import Callable, Iterable, Mapping
 from lichen.errors import Flaw
 from lichen.image import Image
 from lichen.operation import Facts, Input
-from lichen.planning.graph import Node
+from lichen.planning.graph import Node, Output
 
 
 def flaws_of(nodes: Iterable[Node], sources: Mapping[str, Facts], where: Callable[[Node], str]) -> list[Flaw]:
     """Every flaw of every node; `where` gives the pointer that flaws of a node begin with."""
+    return flowing(nodes, sources, where)[0]
+
+
+def flowing(
+    nodes: Iterable[Node], sources: Mapping[str, Facts], where: Callable[[Node], str]
+) -> tuple[list[Flaw], dict[str, Facts]]:
+    """Every flaw of every node, and the facts of all values that are known all the same."""
     known = dict(sources)
     flaws: list[Flaw] = []
     for node in nodes:
@@ -28,7 +35,18 @@ def flaws_of(nodes: Iterable[Node], sources: Mapping[str, Facts], where: Callabl
             flaws += [Flaw(where(node) + flaw.pointer, flaw.detail) for flaw in found]
         else:
             known[node.name] = node.result(known)
-    return flaws
+    return flaws, known
+
+
+def flaws_of_crop(output: Output, facts: Facts | None, where: str) -> list[Flaw]:
+    """Why a part cannot be had of a value of which this is known."""
+    if output.crop is None or facts is None:
+        return []
+    left, top, width, height = output.crop
+    if facts.pages == 1 and left + width <= facts.width and top + height <= facts.height:
+        return []
+    what = f"{facts.width}x{facts.height} px" + (f" of {facts.pages} pages" if facts.pages > 1 else "")
+    return [Flaw(where, f"must lie inside the picture, which is {what}")]
 
 
 def unfit(declared: Input, facts: Facts) -> list[Flaw]:

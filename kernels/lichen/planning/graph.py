@@ -123,6 +123,8 @@ class Output:
     space: Space | None = None
     alpha: Alpha | None = None
     storage: Storage | None = None
+    crop: tuple[int, int, int, int] | None = None
+    """left, top, width and height of the part that is wanted, px; None: all of it"""
     inherited: float = 0.0
 
 

@@ -35,7 +35,7 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]{0,63}")
 MOST = 1000
 """Nodes of one pipeline."""
 _NODE = ("operation", "parameters", "inputs", "method", "knobs", "max_error")
-_OUTPUT = ("node", "format", "storage", "space", "alpha")
+_OUTPUT = ("node", "format", "storage", "space", "alpha", "crop")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +59,8 @@ class Exit:
     storage: str | None = None
     space: str | None = None
     alpha: str | None = None
+    crop: tuple[int, int, int, int] | None = None
+    """left, top, width and height, px"""
 
 
 @dataclass(frozen=True)
@@ -173,12 +175,24 @@ def _outputs(said: Mapping[str, Any], steps: Mapping[str, Step], flaws: list[Fla
             flaws.append(Flaw(f"{where}/node", "is required: the name of a node, or input.NAME"))
             continue
         _unknown(output, _OUTPUT, where, flaws)
-        for key in _OUTPUT[1:]:
+        for key in _OUTPUT[1:-1]:
             if not isinstance(output.get(key, ""), str):
                 flaws.append(Flaw(f"{where}/{key}", "must be text"))
-        exits[name] = Exit(**{key: str(output[key]) for key in _OUTPUT if output.get(key) is not None})
+        form = {key: str(output[key]) for key in _OUTPUT[:-1] if output.get(key) is not None}
+        exits[name] = Exit(**form, crop=_rectangle(output.get("crop"), f"{where}/crop", flaws))
         _refuse_unknown_source(exits[name].node, steps, f"{where}/node", flaws)
     return exits
+
+
+def _rectangle(value: Any, where: str, flaws: list[Flaw]) -> tuple[int, int, int, int] | None:
+    if value is None:
+        return None
+    whole = isinstance(value, list | tuple) and len(value) == 4 and all(type(each) is int for each in value)
+    if not whole or min(value[:2]) < 0 or min(value[2:]) < 1:
+        flaws.append(Flaw(where, "must be [left, top, width, height] in whole pixels, of at least one"))
+        return None
+    left, top, width, height = value
+    return left, top, width, height
 
 
 def _mapping(node: Mapping[str, Any], key: str, where: str, flaws: list[Flaw]) -> dict[str, Any]:

@@ -18,16 +18,15 @@ from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
 from lichen.planning.light import light
 from lichen.planning.memory import peak_bytes, refuse_too_large
 from lichen.planning.prune import identity, shared, unread
+from lichen.planning.region import region
 from lichen.planning.settle import settle
 from lichen.planning.verdicts import verdicts
 
 Pass = Callable[[Graph, Request], Graph]
 
-PRUNING: tuple[Pass, ...] = (unread, shared, identity)
-"""left out by `prune=false`"""
+ALL: tuple[Pass, ...] = (unread, shared, identity, light, region, choose, settle, fuse)
 NEEDED: tuple[Pass, ...] = (light, choose, settle)
-LAST: tuple[Pass, ...] = (fuse,)
-"""left out by `prune=false`, too"""
+"""what `prune=false` leaves"""
 ENGINE_VERSION = "1"
 """Part of every plan's digest; raise it when the same plan gives other bytes."""
 
@@ -115,7 +114,7 @@ class Plan:
 
 def make_plan(graph: Graph, request: Request) -> Plan:
     """Run the passes. Raises what they raise: `InvalidRequest`, `Unattainable`."""
-    for step in (*PRUNING, *NEEDED, *LAST) if request.prune else NEEDED:
+    for step in ALL if request.prune else NEEDED:
         graph = step(graph, request)
     refuse_too_large(graph, request)
     return Plan(graph.deciding(_storing(graph)), request)

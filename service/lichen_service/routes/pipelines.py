@@ -21,7 +21,7 @@ from lichen.errors import Flaw, InvalidRequest, nearest
 from lichen.files import FORMATS, encode, probe
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.order import read_pipeline_order
-from lichen.planning.pipeline import Exit, Pipeline, escaped, nodes_of, read
+from lichen.planning.pipeline import Pipeline, escaped, nodes_of, read
 from lichen_service import mixed, queries, uploads
 from lichen_service.assets import is_id
 from lichen_service.documents import canonical, content_digest, matches, momentary
@@ -188,7 +188,7 @@ def _require_parts(accept: str | None) -> None:
 def _delivered(pipeline: Pipeline, deliveries: Mapping[str, Delivery]) -> Pipeline:
     """The pipeline with the forms that were agreed on."""
     outputs = {
-        name: Exit(each.node, form.format.name, form.storage, form.space, form.alpha)
+        name: dataclasses.replace(each, storage=form.storage, space=form.space, alpha=form.alpha)
         for name, each in pipeline.outputs.items()
         for form in [deliveries[name]]
     }

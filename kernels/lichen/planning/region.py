@@ -1,0 +1,226 @@
+"""The pass that asks only for the part of each picture that an output needs.
+
+An output may be cropped. A crop moves towards the sources: crop(N(x)) is crop(N(crop(x))), the inner crop wider by
+N's footprint. It ends there where the picture does, so borders are real ones; around pictures that wrap, and where a
+footprint is the whole extent, that axis stays whole. Nodes whose result depends on where a pixel lies, or that do not
+keep the size of what they read, are not passed.
+
+Crops are ordinary nodes of an operation of this module: facts, errors, times and truth follow as for all others.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import TypeAlias
+
+from pydantic import Field
+
+from lichen.memory import Array, aligned
+from lichen.opencl.device import Device
+from lichen.operation import (
+    EXACT,
+    POINTWISE,
+    Facts,
+    Input,
+    InputFacts,
+    Inputs,
+    Light,
+    Operation,
+    OperationParameters,
+    Rate,
+)
+from lichen.planning.graph import Decision, Graph, Moved, Node, Request, inputs_of
+from lichen.planning.prune import cost
+
+Rectangle: TypeAlias = tuple[int, int, int, int]
+"""Left, top, width and height, px."""
+WORTHWHILE = 0.8
+"""Of a picture; a larger part is not worth its copy."""
+
+
+class Parameters(OperationParameters):
+    left: int = Field(ge=0)
+    top: int = Field(ge=0)
+    width: int = Field(ge=1)
+    height: int = Field(ge=1)
+
+    @property
+    def rectangle(self) -> Rectangle:
+        return self.left, self.top, self.width, self.height
+
+
+def _result(p: Parameters, facts: InputFacts) -> Facts:
+    return dataclasses.replace(facts["image"], height=p.height, width=p.width)
+
+
+crop = Operation(
+    name="crop",
+    family="planning",
+    summary="A rectangle of a picture.",
+    parameters=Parameters,
+    inputs=(Input("image"),),
+    light=Light.STORED,
+    footprint=lambda p, facts: POINTWISE,
+    identity=lambda p, facts: "all of it" if p.rectangle == whole(facts["image"]) else None,
+    result=_result,
+    implied=lambda p, facts: "a rectangle does not move with the part that is taken",
+)
+
+
+@crop.truth
+def truth(inputs: Inputs, p: Parameters) -> Array:
+    pixels: Array = inputs["image"].pixels[p.top : p.top + p.height, p.left : p.left + p.width]
+    return pixels
+
+
+@crop.method(
+    "exact",
+    error=lambda p, knob, facts: EXACT,
+    work=lambda p, knob, facts: float(p.width * p.height * facts["image"].channels),
+    rates={"opencl": Rate(2e-5, 2.5e-10), "numpy": Rate(2e-5, 2.5e-10)},
+)
+class Exact:
+    """A copy."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
+        return aligned(truth(inputs, p))
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
+        return aligned(truth(inputs, p))
+
+
+def whole(facts: Facts) -> Rectangle:
+    return 0, 0, facts.width, facts.height
+
+
+def region(graph: Graph, request: Request) -> Graph:
+    """The graph with its crops as near to the sources as they can be."""
+    if not any(node.operation is crop for node in graph.nodes):
+        return graph
+    facts = graph.facts()
+    asked = _asked(graph, facts)
+    narrowed = _Narrowed(graph, facts, asked)
+    for node in graph.nodes:
+        narrowed.add(node)
+    made = narrowed.graph()
+    small = made.facts()
+    return made.deciding(
+        Decision(
+            "region",
+            node.name,
+            f"computed on {small[node.name].width}x{small[node.name].height}",
+            f"no more of its {facts[node.name].width}x{facts[node.name].height} px reaches an output",
+            saved_ms=max(cost(node, facts, request) - cost(made.named(node.name), small, request), 0.0),
+        )
+        for node in graph.nodes
+        if node.name in narrowed.parts
+    )
+
+
+def _asked(graph: Graph, facts: Mapping[str, Facts]) -> dict[str, Rectangle]:
+    """Backward through the graph: which rectangle of each value is read at all."""
+    asked: dict[str, Rectangle] = {}
+
+    def ask(source: str, rectangle: Rectangle) -> None:
+        asked[source] = _united(asked[source], rectangle) if source in asked else rectangle
+
+    for output in graph.outputs.values():
+        ask(output.source, whole(facts[output.source]))
+    for observer in graph.observers:
+        for source in observer.inputs.values():
+            ask(source, whole(facts[source]))
+    for node in reversed(graph.nodes):
+        if node.name not in asked:
+            ask(node.name, whole(facts[node.name]))  # nobody reads it, and it runs all the same
+        if isinstance(node.parameters, Parameters):
+            ask(node.inputs["image"], node.parameters.rectangle)
+            continue
+        part = needed(node, facts, asked[node.name])
+        for source in node.inputs.values():
+            ask(source, part or whole(facts[source]))
+    return asked
+
+
+def needed(node: Node, facts: Mapping[str, Facts], rectangle: Rectangle) -> Rectangle | None:
+    """The rectangle of a node's inputs that gives one of its result; None where there is none but all of it."""
+    known, made = inputs_of(node, facts), facts[node.name]
+    sizes = {(each.height, each.width) for each in (*known.values(), made)}
+    if not known or len(sizes) > 1 or made.pages > 1 or node.operation.finds:
+        return None
+    if node.operation.implied(node.parameters, known):
+        return None
+    footprint = node.operation.footprint(node.parameters, known)
+    left, width = _widened(rectangle[0], rectangle[2], footprint.columns, made.width, footprint.wraps)
+    top, height = _widened(rectangle[1], rectangle[3], footprint.rows, made.height, footprint.wraps)
+    part = (left, top, width, height)
+    return part if width * height <= WORTHWHILE * made.pixels else None
+
+
+def _widened(start: int, length: int, reach: int | None, size: int, wraps: bool) -> tuple[int, int]:
+    """A span and all within reach of it, inside the picture."""
+    if reach is None or (wraps and (start < reach or start + length + reach > size)):
+        return 0, size
+    low, high = max(start - reach, 0), min(start + length + reach, size)
+    return low, high - low
+
+
+def _united(a: Rectangle, b: Rectangle) -> Rectangle:
+    left, top = min(a[0], b[0]), min(a[1], b[1])
+    right, bottom = max(a[0] + a[2], b[0] + b[2]), max(a[1] + a[3], b[1] + b[3])
+    return left, top, right - left, bottom - top
+
+
+class _Narrowed:
+    """Copies a graph node by node. `covers` says which rectangle of a value there is."""
+
+    def __init__(self, graph: Graph, facts: Mapping[str, Facts], asked: Mapping[str, Rectangle]) -> None:
+        self._graph, self._facts, self._asked = graph, facts, asked
+        self._nodes: list[Node] = []
+        self._made: dict[tuple[str, Rectangle], str] = {}
+        self._taken = {*facts}
+        self._covers = {name: whole(facts[name]) for name in graph.sources}
+        self._moved: dict[str, Moved] = {}
+        self.parts: set[str] = set()
+
+    def graph(self) -> Graph:
+        return self._graph.replace(nodes=tuple(self._nodes)).reading(self._moved)
+
+    def add(self, node: Node) -> None:
+        if isinstance(node.parameters, Parameters):
+            self._moved[node.name] = Moved(self._cut(node.inputs["image"], node.parameters.rectangle))
+            return
+        part = needed(node, self._facts, self._asked[node.name])
+        if part is None:
+            inputs = {key: self._cut(source, whole(self._facts[source])) for key, source in node.inputs.items()}
+            self._covers[node.name] = whole(self._facts[node.name])
+        else:
+            inputs = {key: self._cut(source, part) for key, source in node.inputs.items()}
+            self._covers[node.name] = part
+            self.parts.add(node.name)
+        self._append(node.replace(inputs=inputs))
+
+    def _cut(self, source: str, rectangle: Rectangle) -> str:
+        """The name of a rectangle of a value."""
+        if self._covers[source] == rectangle:
+            return source
+        if (source, rectangle) not in self._made:
+            name = next(
+                label for n in range(len(self._taken) + 1) if (label := f"{source}.crop{n or ''}") not in self._taken
+            )
+            self._taken.add(name)
+            model = Node(name, crop, Parameters(left=0, top=0, width=1, height=1), {"image": source})
+            self._append(self._within(model, source, rectangle))
+            self._made[source, rectangle] = name
+        return self._made[source, rectangle]
+
+    def _within(self, node: Node, source: str, rectangle: Rectangle) -> Node:
+        """A crop whose rectangle is told from the corner of what there is of its source."""
+        left, top, _, _ = self._covers[source]
+        x, y, width, height = rectangle
+        return node.replace(parameters=Parameters(left=x - left, top=y - top, width=width, height=height))
+
+    def _append(self, node: Node) -> None:
+        self._nodes.append(node)
