@@ -29,6 +29,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from lichen.errors import Flaw, InvalidRequest, parameter_flaws
 from lichen.image import Alpha, Extent, Image, Space
 from lichen.memory import Array
+from lichen.stage import Stage, no_stage
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -203,25 +204,6 @@ class Implementation(Protocol[P_contra]):
 
     @staticmethod
     def numpy(inputs: Inputs, parameters: P_contra, knob: float, /) -> Array: ...
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """A pointwise method as a step of a kernel that carries out a chain of them.
-
-    `source` is a header below `operations/` that defines `void OWN(stage)(float16 *v, global const float *k)`, which
-    changes sixteen pixels in place: a vector for each of CHANNELS channels, of which COLOURS are no coverage. It does
-    the method's own arithmetic, bit for bit. `defines` hold while it is included; `numbers`, float32, arrive in `k`.
-    """
-
-    source: str
-    defines: Mapping[str, int | float | str] = field(default_factory=dict)
-    numbers: tuple[float, ...] = ()
-
-
-def no_stage(parameters: OperationParameters, facts: InputFacts) -> Stage | None:
-    """Of methods that are no step of a chain."""
-    return None
 
 
 @dataclass(frozen=True)

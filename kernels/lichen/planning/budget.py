@@ -83,7 +83,8 @@ def within_error(problem: Problem) -> Choices:
 
 
 def _most_accurate(usable: Mapping[str, Sequence[Candidate]], measure: Measure) -> dict[str, Candidate]:
-    return {name: min(offers, key=partial(_by_error, measure)) for name, offers in usable.items()}
+    key = partial(_by_error, measure)
+    return {name: offers[0] if len(offers) == 1 else min(offers, key=key) for name, offers in usable.items()}
 
 
 def _by_error(measure: Measure, offer: Candidate) -> tuple[float, float, float]:
@@ -98,7 +99,8 @@ def _customary(node: Node, offers: Sequence[Candidate]) -> Candidate | None:
 def _cheapest(problem: Problem, choices: Choices, measure: Measure, targets: Mapping[str, float]) -> Choices:
     """From choices that meet the targets to the cheapest that still do."""
     scaled = Problem(problem.graph, problem.facts, problem.request, problem.usable, targets, problem.measures)
-    quickest = {name: min(offers, key=_by_time) for name, offers in problem.usable.items()}
+    offered = problem.usable.items()
+    quickest = {name: offers[0] if len(offers) == 1 else min(offers, key=_by_time) for name, offers in offered}
     if scaled.excess(quickest, measure) <= 1:
         return quickest
     trials = sum(len(offers) for offers in problem.usable.values())

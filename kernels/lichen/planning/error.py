@@ -42,17 +42,19 @@ def _made(node: Node, own: Error, facts: Mapping[str, Facts], reached: Mapping[s
     What reaches an input that is data passes through no modulus: the result is then known by its range alone.
     """
     arriving = [_off(reached[source], node.inherited.get(key, 0.0)) for key, source in node.inputs.items()]
-    worst = max((error.value for error in arriving), default=0.0)
-    rounded = max((error.rounding for error in arriving), default=0.0)
-    often = max((error.usual for error in arriving), default=0.0)
+    if len(arriving) == 1:
+        worst, rounded, often = arriving[0].value, arriving[0].rounding, arriving[0].usual
+    else:
+        worst = max((error.value for error in arriving), default=0.0)
+        rounded = max((error.rounding for error in arriving), default=0.0)
+        often = max((error.usual for error in arriving), default=0.0)
     value = node.carried(facts, worst)
     rounding = value if rounded == worst else node.carried(facts, rounded)
     usual = value if often == worst else node.carried(facts, often)
     proved = own.kind == "bound" and all(error.kind == "bound" for error in arriving)
     kind: Literal["bound", "estimate"] = "bound" if proved else "estimate"
     largest = value + own.value
-    off = dict(zip(node.inputs, arriving, strict=True))
-    if any(off[key].value for key in _data(node)):
+    if worst and any(error.value for key, error in zip(node.inputs, arriving, strict=True) if key in _data(node)):
         largest = facts[node.name].extent.spread + own.rounding
     return Error(largest, kind, rounding + own.rounding, usual + own.usual)
 

@@ -12,10 +12,11 @@ from collections.abc import Mapping, Sequence
 
 from lichen.accuracy.precision import Precision
 from lichen.image import Alpha
-from lichen.operation import Facts, Stage
+from lichen.operation import Facts
 from lichen.planning.budget import Problem
 from lichen.planning.choose import measures, target_error
 from lichen.planning.graph import Candidate, Decision, Graph, Node, Request, inputs_of
+from lichen.stage import Stage
 
 CHANNELS = (3, 4)
 """Of pictures whose pixels are taken apart into vectors quickly."""

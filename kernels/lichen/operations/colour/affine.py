@@ -19,7 +19,8 @@ import numpy as np
 from lichen.image import Alpha, Extent, Image
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
-from lichen.operation import ROUNDING, Error, Facts, Inputs, Rate, Stage
+from lichen.operation import ROUNDING, Error, Facts, Inputs, Rate
+from lichen.stage import Stage
 
 FLOAT_MAX = float(np.finfo(np.float32).max)
 BLOCK = 1 << 14

@@ -33,8 +33,8 @@ from lichen.operation import (
     Operation,
     OperationParameters,
     Rate,
-    Stage,
 )
+from lichen.stage import Stage
 
 SMALLEST = np.finfo(np.float32).tiny
 

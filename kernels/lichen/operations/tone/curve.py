@@ -39,10 +39,10 @@ from lichen.operation import (
     Operation,
     OperationParameters,
     Rate,
-    Stage,
 )
 from lichen.operations.tone.pieces import Pieces, Points, tabulated, through
 from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned
+from lichen.stage import Stage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -53,7 +53,6 @@ from lichen.operation import (
     Operation,
     OperationParameters,
     Rate,
-    Stage,
 )
 from lichen.operations.tone import curves, standards
 from lichen.operations.tone.curves import FLOAT_MAX, WHOLE, Curve, Direction, Form
@@ -64,6 +63,7 @@ from lichen.operations.tone.shapes import Pieced, Powers, Shape, Whole
 from lichen.operations.tone.tables import tabulate
 from lichen.operations.tone.transfer_cases import CASES
 from lichen.operations.tone.transfer_launch import constants, definitions, launch
+from lichen.stage import Stage
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
