@@ -46,10 +46,10 @@ format: $(VENV)/.development ## bring the source into the house style
 	@$(BIN)/ruff check --quiet --fix .
 	@$(BIN)/ruff format --quiet .
 
-fuzz: $(VENV)/.development ## hold errors to DRAWS drawn images, plans to PIPELINES, our reading of HTTP to INPUTS mangled requests
+fuzz: $(VENV)/.development ## hold errors to DRAWS drawn images, plans to PIPELINES, reading HTTP to INPUTS requests
 	@LICHEN_INPUTS=$(INPUTS) $(BIN)/python -m pytest tests/service/http/test_differential.py
-	@LICHEN_DRAWS=$(DRAWS) LICHEN_PIPELINES=$(PIPELINES) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py \
-		tests/kernels/planning/test_metamorphic.py $(ARGS)
+	@LICHEN_PIPELINES=$(PIPELINES) $(BIN)/python -m pytest tests/kernels/planning/test_metamorphic.py
+	@LICHEN_DRAWS=$(DRAWS) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py $(ARGS)
 
 soak: $(VENV)/.development ## serve for SECONDS, and show that memory, threads and files stay what they were
 	@$(BIN)/python tests/service/soak.py --seconds $(SECONDS)

@@ -69,14 +69,14 @@ class Service:
         self.readiness = Readiness(self._canary)
         self.traffic = Traffic()
         self.calibrating = Calibrating(self.readiness, self.traffic)
-        self.answers = Answers(settings.cache)
         self.assets = Assets(settings.data_folder / "assets", settings.asset_store)
         self.decoders = Decoders(settings.decoders, settings.decoder_memory, settings.decoder_seconds)
-        self._running = Running(settings, self.answers, self.assets, self.decoders)
+        self.answers = Answers(settings.cache)
+        self._running = Running(settings, self.assets, self.decoders, self.answers)
         self._described = described = Catalogue(settings)
         system, accuracy = System(settings, self.readiness), Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
-        pipeline = Pipelines(settings, self._running).run
+        pipelines = Pipelines(settings, self._running)
         self.jobs = _jobs(settings, self.assets, self.handle, check)
         self.metrics = Metrics(catalogue.operations())
         self.routes: tuple[Route, ...] = (
@@ -84,7 +84,7 @@ class Service:
             Route("/", {"GET": system.index}),
             Route("/v1/operations", {"GET": described.list}),
             Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, None, check, "run"),
-            Route(PIPELINES, {"POST": pipeline, "QUERY": pipeline}, True, scope="run"),
+            Route(PIPELINES, dict.fromkeys(("POST", "QUERY"), pipelines.run), True, None, pipelines.check, "run"),
             Route(ASSETS, {"PUT": stored.put}, True, readable(), scope="assets"),
             Route(f"{ASSETS}/{{name}}", {"GET": stored.get, "DELETE": stored.delete}, scope="assets"),
             Route("/v1/accuracy", {"GET": accuracy.list}),

@@ -86,12 +86,6 @@ class Settings:
         _memory(), "bytes that all images may take together, shared evenly by the processes", 1 << 20, None
     )
     max_images: int = _setting(16, "most images in one request", 1, 1024, limit="images")
-    max_memory: int = _setting(
-        8 << 30, "most bytes of images that one plan may hold at once", 1, None, limit="plan_bytes"
-    )
-    cache: int = _setting(
-        64 << 20, "bytes of answers one process keeps for whoever asks the same; 0 keeps none", 0, None
-    )
 
     decoders: int = _setting(2, "processes, for each that answers, in which images are decoded; 0: none", 0, 64)
     decoder_memory: int = _setting(4 << 30, "bytes one of them may take", 1 << 20, None)
@@ -120,6 +114,10 @@ class Settings:
         limit="requests_per_minute",
     )
     burst: int = _setting(60, "requests that may come at once within that rate", 1, 10**9, limit="requests_at_once")
+
+    cache: int = _setting(
+        64 << 20, "bytes of answers one process keeps for whoever asks the same; 0 keeps none", 0, None
+    )
 
     calibrate: str = _switch("on", "whether a machine without measured times is measured, while idle")
 

@@ -111,7 +111,7 @@ def form(parts: Mapping[str, bytes | tuple[bytes, str]], boundary: str = "edge")
 def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
     data = str(tmp_path_factory.mktemp("data"))
     limits = {"max_body": 4 << 20, "max_pixels": 1 << 20, "max_side": 4096, "max_channels": 8, "max_images": 4}
-    return Settings(data=data, decoders=0, cache=0, **limits)  # decoders and cache have tests of their own
+    return Settings(data=data, decoders=0, cache=0, **limits)  # decoders and the cache have tests of their own
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,8 @@
 """POST and QUERY on /v1/pipelines: pictures in, everything that a graph of operations makes of them out.
 
 The pipeline is the query's `pipeline`, as text or as JSON, or the JSON part `pipeline` of a form, or the whole body
-where no picture is sent. Pictures are the other parts of the form by their names, or the body, called `image`.
+where no picture is sent. Pictures are the other parts of the form by their names, the body, called `image`, or stored
+ones that the query names.
 
 One output leaves as a picture like any result; several leave as multipart/mixed, each part with a
 `Content-Disposition` and a `Lichen-Output` that name it and with the account of its own error. The road is that of
@@ -22,6 +23,7 @@ from lichen.image import Alpha, Image, Space, Storage
 from lichen.order import read_pipeline_order
 from lichen.planning.pipeline import Pipeline, escaped, nodes_of, read
 from lichen_service import mixed, queries, uploads
+from lichen_service.assets import is_id
 from lichen_service.documents import canonical, content_digest, matches, momentary
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
 from lichen_service.http.message import Head, Request, Response
@@ -61,15 +63,16 @@ class Pipelines:
                 prepared = engine.prepare_pipeline(wanted, images=images, **wishes)
             if options.explain:
                 return _explained(prepared.plan.to_json(), deliveries, stages)
+            reserve(prepared.plan.peak_bytes)
             parts = len(deliveries) > 1 or prefers(request.head.headers.get("accept"), mixed.MIXED)
             forms = [parts, {name: form_of(each) for name, each in deliveries.items()}]
             tag = entity_tag(digests.result(), prepared.plan.digest, forms)
             if not options.verify and matches(request.head, tag):
                 return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
 
+            stages.afford(prepared.plan.seconds)
+
             def compute() -> Response:
-                reserve(prepared.plan.peak_bytes)
-                stages.afford(prepared.plan.seconds)
                 with stages.stage("run"):
                     results = prepared.run()
                 timing = next(iter(results.values())).timing
@@ -87,13 +90,23 @@ class Pipelines:
 
             return self._running.kept(compute, tag, request.head, stages, keep=not options.verify)
 
+    def check(self, request: Request, name: str) -> None:
+        """Raises all that can be seen to be wrong with a run before anything is decoded."""
+        self._read(request)
+
     def _read(self, request: Request) -> tuple[Pipeline, Options, Uploads]:
         """Pipeline, options and uploads. Raises what is wrong with any of them, all of it at once."""
-        options, values, flaws = queries.read_options(request.head.query, (DOCUMENT,))
+        stored = {name: value for name, value in request.head.query if is_id(value)}
+        said = [(name, value) for name, value in request.head.query if not is_id(value)]
+        options, values, flaws = queries.read_options(said, (DOCUMENT,))
         document, given, wrong = uploads.read_with_document(
             request.head, request.body, DOCUMENT, readable(), self._settings.max_images + 1
         )
         flaws += wrong
+        kept, missing = self._running.stored(stored)
+        flaws += missing
+        flaws += [Flaw(f"/inputs/{escaped(each)}", "is given more than once") for each in kept if each in given]
+        given |= kept
         if options.method is not None:
             flaws.append(Flaw("/query/method", "is asked of a node: name it there"))
         pipeline = None
@@ -109,7 +122,7 @@ class Pipelines:
                 flaws += [
                     Flaw(f"/inputs/{escaped(each)}", "is read by the pipeline and was not sent")
                     for each in pipeline.inputs
-                    if each not in given
+                    if each not in given and each not in stored
                 ]
                 flaws += [
                     Flaw(f"/inputs/{escaped(each)}", f"is not read; {nearest(each, pipeline.inputs)}")

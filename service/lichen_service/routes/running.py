@@ -49,11 +49,11 @@ JSON = "application/json"
 
 
 class Running:
-    def __init__(self, settings: Settings, answers: Answers, assets: Assets, decoders: Decoders) -> None:
+    def __init__(self, settings: Settings, assets: Assets, decoders: Decoders, answers: Answers) -> None:
         self._settings = settings
-        self._answers = answers
         self._decoders = decoders
         self._assets = assets
+        self._answers = answers
         self._limits = Limits(
             pixels=settings.max_pixels,
             side=settings.max_side,
@@ -105,9 +105,9 @@ class Running:
         tag = entity_tag(digests.result(), prepared.plan.digest, [form_of(delivery), shape])
         if "if-none-match" in head.headers and not options.verify and matches(head, tag):
             return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
+        stages.afford(prepared.plan.seconds)
 
         def compute() -> Response:
-            stages.afford(prepared.plan.seconds)
             with stages.stage("run"):
                 (result,) = prepared.run().values()
             stages.split("run", {name: taken for name, taken in result.timing.items() if name != "plan"})
@@ -138,6 +138,10 @@ class Running:
         response.headers["Server-Timing"] = stages.header()
         response.log |= {"kept": found, "stages_ms": {name: round(s * 1e3, 3) for name, s in stages.seconds.items()}}
         return response
+
+    def stored(self, named: Mapping[str, str]) -> tuple[dict[str, Upload], list[Flaw]]:
+        """The stored images of these names, by input, and what is wrong with the names."""
+        return resolve(self._assets, named)
 
     def digests(self, given: Uploads) -> Future[dict[str, str]]:
         """SHA-256 of all uploads by name, found in the background."""
@@ -237,7 +241,7 @@ def _arguments(
 def wishes_of(options: Options, settings: Settings) -> dict[str, Any]:
     """What the library is asked beside operations, pictures and the form of what comes out."""
     names = ("max_error", "max_ms", "device", "nonfinite", "prune", "precision", "verify")
-    return {name: getattr(options, name) for name in names} | {"max_bytes": settings.max_memory}
+    return {name: getattr(options, name) for name in names} | {"max_bytes": settings.memory}
 
 
 class Shape(StrEnum):
