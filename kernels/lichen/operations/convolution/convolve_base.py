@@ -99,10 +99,9 @@ def given(p: Parameters) -> Matrix:
 
 
 def mean_stencil(p: Parameters) -> tuple[Stencil, float]:
-    """The kernel as one that sums to 1, and what it summed to."""
-    whole = stencil(p)
-    total = float(whole.taps.sum())
-    return Stencil(whole.taps / total, whole.top, whole.left), total
+    """The kernel as one that sums to 1 and has no bias, and what it summed to once scaled."""
+    alone = stencil(p.model_copy(update={"scale": 1.0, "normalise": True, "bias": 0.0}))
+    return alone, p.scale * (1.0 if p.normalise else math.fsum(given(p).ravel()))
 
 
 def stencil(p: Parameters) -> Stencil:
@@ -225,7 +224,7 @@ def direct_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     if leaves_out(p.missing, facts):
         mean, weight = mean_stencil(p)
         plain = renormalised_error(mean.rounding(magnitude), magnitude).value
-        rounding = weight * plain * 1.01 + 3 * ROUNDING * (weight * magnitude + abs(p.bias))
+        rounding = 1.01 * abs(weight) * plain + 3 * ROUNDING * (abs(weight) * magnitude + abs(p.bias))
     else:
         rounding = stencil(p).rounding(magnitude)
     return Error(rounding, "bound", rounding)

@@ -9,9 +9,10 @@ rows and s along columns, and the slope along y the other way round; per pixel, 
 `gaussian` correlates with the derivative of a sampled Gaussian of `sigma`, scaled so that a ramp keeps its slope, and
 with the Gaussian itself across; both end where less than 1e-8 of their weight is left.
 
-`output`: `x`, `y`; `along`, the slope in the direction `angle`, cos(angle) x + sin(angle) y, of which the compass masks
-are the multiples of 45 degrees; `l2`, the magnitude sqrt(x^2 + y^2), computed without overflow; `l1`, |x| + |y|, up to
-sqrt(2) more; `direction`, atan2(y, x) in degrees within (-180, 180], 0 where there is no slope.
+`output`: `x`, `y`; `along`, the slope in the direction `angle`, cos(angle) x + sin(angle) y, which on the diagonals is
+not quite what a mask with its rim turned gives (`convolve` has those by name); `l2`, the magnitude sqrt(x^2 + y^2),
+computed without overflow; `l1`, |x| + |y|, up to sqrt(2) more; `direction`, atan2(y, x) in degrees within (-180, 180],
+0 where there is no slope.
 
 A direction turns round where the slope vanishes, so no error can be promised for it there: it is stated as half a turn,
 and a small change of a picture is said to change it by as much.

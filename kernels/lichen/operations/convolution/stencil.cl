@@ -2,14 +2,20 @@
 //
 // One item owns a tile of BAND rows by TILE floats. It first gathers the tile and what lies around it into private
 // memory, border included, after which nothing has to know about borders, and images whose rows lie a power of two apart
-// do not fight for the same cache sets. Then eight output rows by 32 floats at a time live in registers. The kernel
-// comes as `runs`: stretches of non-zero taps down one of its columns. Each staged vector of a run's column is loaded
-// once and serves all of the eight rows it reaches.
+// do not fight for the same cache sets. Then BLOCK output rows by LANES floats at a time live in registers: as many as
+// there are. The kernel comes as `runs`: stretches of non-zero taps down one of its columns. Each staged vector of a
+// run's column is loaded once and serves all of the rows it reaches.
 //
 // A zero tap is in no run, so no NaN leaves the taps that are there. `width` and all strides count floats.
 
+#ifdef __AVX512F__
 #define BLOCK 8
-#define LANES 32
+#define VECTORS 2
+#else
+#define BLOCK 4
+#define VECTORS 1
+#endif
+#define LANES (16 * VECTORS)
 
 // A store that does not fetch what it overwrites.
 #if defined(__has_builtin)
@@ -21,55 +27,70 @@
 #define STREAM(vector, to) (*(to) = (vector))
 #endif
 
-#define ONE(j, t)                                                                                                      \
-    do {                                                                                                               \
-        low[j] = fma((float16)(weights[t]), a, low[j]);                                                                \
-        high[j] = fma((float16)(weights[t]), b, high[j]);                                                              \
-    } while (0)
+// A row of the stage: one vector or two.
+typedef struct {
+    float16 v[VECTORS];
+} Strip;
+
+inline __attribute__((always_inline)) Strip staged(const float *from)
+{
+    Strip s;
+    #pragma unroll
+    for (int k = 0; k < VECTORS; k++)
+        s.v[k] = vload16(k, from);
+    return s;
+}
+
+inline __attribute__((always_inline)) void one(Strip *sum, float weight, Strip s)
+{
+    #pragma unroll
+    for (int k = 0; k < VECTORS; k++)
+        sum->v[k] = fma((float16)(weight), s.v[k], sum->v[k]);
+}
 
 // A run of `count` < BLOCK taps; `count` is a literal where this is called, so that everything unrolls.
 inline __attribute__((always_inline)) void short_run(const float *p, int stride, __global const float *weights,
-                                                     float16 *low, float16 *high, const int count)
+                                                     Strip *sums, const int count)
 {
     #pragma unroll
     for (int s = 0; s < BLOCK + count - 1; s++) {
-        float16 a = vload16(0, p + s * stride), b = vload16(1, p + s * stride);
+        Strip a = staged(p + s * stride);
         #pragma unroll
         for (int i = 0; i < BLOCK; i++)
             if (s - i >= 0 && s - i < count) 
-                ONE(i, s - i);
+                one(sums + i, weights[s - i], a);
     }
 }
 
 inline __attribute__((always_inline)) void long_run(const float *p, int stride, __global const float *weights,
-                                                    float16 *low, float16 *high, int count)
+                                                    Strip *sums, int count)
 {
     #pragma unroll
     for (int t = 0; t < BLOCK - 1; t++) {
-        float16 a = vload16(0, p + t * stride), b = vload16(1, p + t * stride);
+        Strip a = staged(p + t * stride);
         #pragma unroll
         for (int i = 0; i <= t; i++)
-            ONE(i, t - i);
+            one(sums + i, weights[t - i], a);
     }
     for (int t = BLOCK - 1; t < count; t++) {
-        float16 a = vload16(0, p + t * stride), b = vload16(1, p + t * stride);
+        Strip a = staged(p + t * stride);
         #pragma unroll
         for (int i = 0; i < BLOCK; i++)
-            ONE(i, t - i);
+            one(sums + i, weights[t - i], a);
     }
     #pragma unroll
     for (int s = 0; s < BLOCK - 1; s++) {
-        float16 a = vload16(0, p + (count + s) * stride), b = vload16(1, p + (count + s) * stride);
+        Strip a = staged(p + (count + s) * stride);
         #pragma unroll
         for (int i = s + 1; i < BLOCK; i++)
-            ONE(i, count + s - i);
+            one(sums + i, weights[count + s - i], a);
     }
 }
 
 // All runs of `count` taps, from run r on.
 #define LIKE(count, body)                                                                                              \
     do {                                                                                                               \
-        body(p + runs[3 * r], stride, weights + runs[3 * r + 1], low, high, count);                                    \
+        body(p + runs[3 * r], stride, weights + runs[3 * r + 1], sums, count);                                    \
     } while (++r < run_count && runs[3 * r + 2] == (count))
 
 // `sources` names for output row y and kernel row t, at y + t, the row to read, and `beside` for a float of the tile and
@@ -107,10 +128,12 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
     }
     for (int j = 0; j < rows; j += BLOCK) {
         for (int k = 0; k < wide; k += LANES) {
-            float16 low[BLOCK], high[BLOCK];
+            Strip sums[BLOCK];
             #pragma unroll
             for (int i = 0; i < BLOCK; i++)
-                low[i] = high[i] = (float16)(bias);
+                #pragma unroll
+                for (int v = 0; v < VECTORS; v++)
+                    sums[i].v[v] = (float16)(bias);
             const float *p = stage + j * stride + k;
             for (int r = 0; r < run_count;) {
                 // Runs come in order of their length, so each loop below keeps its sums in registers.
@@ -132,17 +155,20 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
                 if (j + i >= rows)
                     continue;
                 if (count == LANES && !accumulate && aligned) {
-                    STREAM(low[i], (__global float16 *)to);
-                    STREAM(high[i], (__global float16 *)to + 1);
+                    #pragma unroll
+                    for (int v = 0; v < VECTORS; v++)
+                        STREAM(sums[i].v[v], (__global float16 *)to + v);
                 } else if (count == LANES && !accumulate) {
-                    vstore16(low[i], 0, to);
-                    vstore16(high[i], 1, to);
+                    #pragma unroll
+                    for (int v = 0; v < VECTORS; v++)
+                        vstore16(sums[i].v[v], v, to);
                 } else {
-                    float sums[LANES];
-                    vstore16(low[i], 0, sums);
-                    vstore16(high[i], 1, sums);
+                    float each[LANES];
+                    #pragma unroll
+                    for (int v = 0; v < VECTORS; v++)
+                        vstore16(sums[i].v[v], v, each);
                     for (int c = 0; c < count; c++)
-                        to[c] = accumulate ? to[c] + sums[c] : sums[c];
+                        to[c] = accumulate ? to[c] + each[c] : each[c];
                 }
             }
         }
