@@ -38,7 +38,7 @@ from lichen.operation import (
 )
 from lichen.operations.convolution.borders import continued
 from lichen.operations.warp import cases
-from lichen.operations.warp.resampling import LARGEST, Size, check_size
+from lichen.operations.warp.prediction import LARGEST, Size, check_size
 
 STRIP = 64
 Side = Annotated[int, Field(ge=-LARGEST, le=LARGEST, json_schema_extra={"unit": "px"})]

@@ -17,7 +17,7 @@ import numpy as np
 from lichen.operation import Facts, InputFacts, OperationParameters
 from lichen.operations.warp import affine, homography, rotate
 from lichen.operations.warp.maps import Doubles, Projective
-from lichen.operations.warp.resampling import Size
+from lichen.operations.warp.prediction import Size
 
 SLACK = 1e-9
 """px; what rounding may put beyond an edge."""

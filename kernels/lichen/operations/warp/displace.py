@@ -31,7 +31,8 @@ from lichen.operation import Degrees, HardCase, Input, InputFacts, Inputs
 from lichen.operations.warp import cases
 from lichen.operations.warp.grids import Sampled
 from lichen.operations.warp.maps import Doubles, Map
-from lichen.operations.warp.resampling import Size, Warp, WarpParameters, declare, own_size
+from lichen.operations.warp.prediction import Size
+from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 
 
 class Pattern(StrEnum):

@@ -22,7 +22,8 @@ from lichen.operation import HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
 from lichen.operations.warp.kernels import CATMULL_ROM
 from lichen.operations.warp.maps import Doubles, Map
-from lichen.operations.warp.resampling import Size, Warp, WarpParameters, declare, own_size
+from lichen.operations.warp.prediction import Size
+from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
 Line = Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=2, max_length=256)]

@@ -24,8 +24,9 @@ from lichen.operations.warp import cases
 from lichen.operations.warp.charts import LAYOUT, SHAPE, Chart, Sphere, Vectors
 from lichen.operations.warp.kernels import BILINEAR
 from lichen.operations.warp.maps import Doubles, Map, Places, folded_difference
+from lichen.operations.warp.prediction import Size
 from lichen.operations.warp.reference import Closed, Source, interpolate
-from lichen.operations.warp.resampling import Size, Warp, WarpParameters, declare
+from lichen.operations.warp.resampling import Warp, WarpParameters, declare
 
 
 class Parameters(WarpParameters):

@@ -23,8 +23,9 @@ from lichen.errors import Flaw
 from lichen.operation import Degrees, HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
 from lichen.operations.warp.maps import Doubles, Map
+from lichen.operations.warp.prediction import Size
 from lichen.operations.warp.reference import Closed
-from lichen.operations.warp.resampling import Size, Warp, WarpParameters, declare, own_size
+from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 
 
 class Direction(StrEnum):

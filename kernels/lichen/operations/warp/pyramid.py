@@ -45,7 +45,7 @@ from lichen.operation import (
 )
 from lichen.operations.convolution.borders import OUTSIDE, continued
 from lichen.operations.warp import cases
-from lichen.operations.warp.resampling import Size, check_size, result_facts
+from lichen.operations.warp.prediction import Size, check_size, result_facts
 from lichen.operations.warp.resize import BLOCK, STRIP, tables
 from lichen.operations.warp.separable import Axis
 

@@ -22,7 +22,8 @@ from lichen.memory import Array
 from lichen.operation import HardCase, Input, InputFacts, Inputs
 from lichen.operations.warp import cases
 from lichen.operations.warp.grids import Sampled
-from lichen.operations.warp.resampling import Resampled, Size, Warp, declare
+from lichen.operations.warp.prediction import Size
+from lichen.operations.warp.resampling import Resampled, Warp, declare
 
 
 class Units(StrEnum):

@@ -13,36 +13,30 @@ The filters are the methods, from the cheapest to the most accurate:
   `samples` to twice as many samples long, up to a radius of 2 + log2(samples) / 2: work that depends on how slanted a
   footprint is, not on how large.
 
-Errors. Two results that lie within a known distance from the middle of the samples' range are no further apart than
-both distances together, and no image holds a filter to less: that is the bound. The typical error is what filters
-differ in; `TYPICAL` holds it, RMS over the range, as found on the corpus.
+Their errors stand in `prediction`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from pydantic import Field
 
 from lichen.errors import Flaw
-from lichen.image import Alpha, Extent
+from lichen.image import Alpha
 from lichen.memory import Array, aligned
 from lichen.opencl.device import Device
 from lichen.operation import (
-    ROUNDING,
     WHOLE,
     Border,
-    Error,
     Facts,
     HardCase,
     Input,
     InputFacts,
     Inputs,
-    Knob,
     Light,
     Operation,
     OperationParameters,
@@ -53,6 +47,17 @@ from lichen.operations.warp.kernels import Kernel
 from lichen.operations.warp.launch import averaged, sampled, samples_of
 from lichen.operations.warp.levels import pyramid, spline
 from lichen.operations.warp.maps import Doubles, Map
+from lichen.operations.warp.prediction import (
+    LARGEST,
+    POINTS,
+    SAMPLES,
+    TRUTH_GAIN,
+    Size,
+    check_size,
+    error_of,
+    reach_of,
+    result_facts,
+)
 from lichen.operations.warp.reference import (
     Closed,
     Sampler,
@@ -65,10 +70,6 @@ from lichen.operations.warp.reference import (
     supersampled,
     truth_sampler,
 )
-from lichen.operations.warp.shears import line_kernel
-
-LARGEST = 16384
-"""Pixels along a side of a result."""
 
 
 class Resampled(OperationParameters):
@@ -86,8 +87,6 @@ class WarpParameters(Resampled):
 
 
 P = TypeVar("P", bound=Resampled)
-Size = tuple[int, int]
-"""Width and height."""
 
 
 def own_size(p: Resampled, facts: InputFacts) -> Size:
@@ -122,105 +121,6 @@ class Warp(Generic[P]):
         """The result in NumPy."""
         width, height = self.extent_of(inputs, p)
         return resample(source or self.source(inputs, p), self.map(p, inputs), width, height, sampler)
-
-
-# -------------------------------------------------------------------------------------------------------- prediction
-
-GAINS: Mapping[str, float] = {
-    "nearest": 1.0,
-    "bilinear": 1.0,
-    "bicubic": kernels.CATMULL_ROM.gain**2,
-    "mitchell": kernels.MITCHELL.gain**2,
-    "bspline": kernels.cardinal_gain() ** 2,
-    "lanczos2": kernels.LANCZOS2.gain**2,
-    "lanczos3": kernels.LANCZOS3.gain**2,
-    "mip": 1.0,
-    "supersampled": kernels.LANCZOS3.gain**2,
-    "ewa": kernels.LANCZOS3.gain**2,
-}
-"""How far beyond the middle of the samples' range a result can lie, over half that range."""
-TRUTH_GAIN = GAINS["lanczos3"]
-MOST_GAIN = max(GAINS.values())
-TYPICAL: Mapping[str, tuple[float, float]] = {
-    "nearest": (0.1, 0.2),
-    "bilinear": (0.05, 0.15),
-    "bicubic": (0.02, 0.15),
-    "mitchell": (0.04, 0.15),
-    "bspline": (0.01, 0.15),
-    "lanczos2": (0.02, 0.15),
-    "lanczos3": (0.0, 0.15),
-    "mip": (0.05, 0.05),
-    "supersampled": (0.0, 0.02),
-    "ewa": (0.0, 0.005),
-}
-"""RMS error over the range of the image: where nothing shrinks, and where much does."""
-
-
-class Bordered(Protocol):
-    """Parameters that say what lies beyond the image."""
-
-    @property
-    def value(self) -> float: ...
-
-
-def value_range(facts: Facts, p: Bordered) -> tuple[float, float]:
-    """Lowest and highest value that takes part; the background always may."""
-    return min(facts.extent.low, p.value), max(facts.extent.high, p.value)
-
-
-def result_facts(p: Bordered, facts: InputFacts, size: Size, gain: float = MOST_GAIN) -> Facts:
-    image = facts["image"]
-    low, high = value_range(image, p)
-    slack = (gain - 1) * (high - low) / 2 + 1e-5 * max(abs(low), abs(high))
-    extent = Extent(low - slack, high + slack, image.extent.nonfinite)
-    width, height = size
-    return Facts(height, width, image.channels, image.space, image.alpha, extent)
-
-
-def rounding(image: Facts, p: Bordered, gain: float, *, area: bool) -> float:
-    """Of the fraction, the weights and their sums; an ellipse's is as long as the image at most, in steps of four."""
-    low, high = value_range(image, p)
-    steps = 64 + (2 * (image.width + image.height) if area else 0)
-    return steps * ROUNDING * gain * max(abs(low), abs(high))
-
-
-AREA = ("mip", "supersampled", "ewa")
-
-
-def error_of(method: str, p: Bordered, facts: InputFacts, *, shrinks: bool) -> Error:
-    image = facts["image"]
-    low, high = value_range(image, p)
-    spread, gain = high - low, GAINS[method]
-    least = rounding(image, p, max(gain, 1.0), area=method in AREA and shrinks)
-    if method in ("lanczos3", "supersampled", "ewa") and not shrinks:
-        return Error(least, "bound", least)
-    # What both interpolate alike does not count, and two means are no further apart than the spread.
-    apart = spread if method in ("supersampled", "ewa") else spread * (gain + TRUTH_GAIN) / 2
-    return Error(apart + least, "bound", least, spread * TYPICAL[method][shrinks] + least)
-
-
-def shears_error(p: Bordered, size: float, facts: InputFacts) -> Error:
-    """Of three passes by a kernel of that radius; a result rounded once from float64."""
-    image = facts["image"]
-    low, high = value_range(image, p)
-    gain = line_kernel(round(size)).gain ** 4
-    least = 16 * ROUNDING * gain * max(abs(low), abs(high))
-    return Error((high - low) * (gain + TRUTH_GAIN) / 2 + least, "bound", least, (high - low) * 0.02 + least)
-
-
-def check_size(image: Facts, size: Size) -> list[Flaw]:
-    if size[0] * size[1] * image.channels < 2**31 and image.samples < 2**31:
-        return []
-    return [Flaw("/parameters/width", "pixels times channels must stay below 2^31")]
-
-
-SAMPLES = Knob("samples", (1.0, 2.0, 4.0), "samples of the pyramid's level along half the shorter axis", 1.0, 8.0)
-POINTS = Knob("points", (2.0, 4.0, 8.0), "samples along each axis of an ellipse", 2.0, 16.0)
-
-
-def reach_of(samples: float) -> float:
-    """The radius at which an ellipse of so many samples is cut; truth cuts at 3."""
-    return min(2 + math.log2(samples) / 2, 3.0)
 
 
 # ------------------------------------------------------------------------------------------------------- declaration
@@ -265,13 +165,13 @@ def declare(
         return warp.by(inputs, p, truth_sampler)
 
     for kernel, start, step in (
-        (kernels.NEAREST, 2e-4, 1.5e-9),
-        (kernels.BILINEAR, 2e-4, 3e-9),
-        (kernels.CATMULL_ROM, 2e-4, 4e-9),
-        (kernels.MITCHELL, 2e-4, 4e-9),
-        (kernels.BSPLINE, 1e-3, 2e-8),
-        (kernels.LANCZOS2, 2e-4, 5e-9),
-        (kernels.LANCZOS3, 2e-4, 9e-9),
+        (kernels.NEAREST, 3e-4, 3.2e-9),
+        (kernels.BILINEAR, 3e-4, 4.0e-9),
+        (kernels.CATMULL_ROM, 3e-4, 4.1e-9),
+        (kernels.MITCHELL, 3e-4, 4.1e-9),
+        (kernels.BSPLINE, 1e-3, 4.5e-8),
+        (kernels.LANCZOS2, 3e-4, 4.3e-9),
+        (kernels.LANCZOS3, 3e-4, 5.9e-9),
     ):
         _add_kernel(operation, warp, kernel, Rate(start, step))
     _add_mip(operation, warp)
@@ -314,9 +214,9 @@ def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Ra
     ByKernel.__doc__ = TOLD[kernel.name]
     operation.method(
         kernel.name,
-        error=lambda p, knob, facts: error_of(kernel.name, p, facts, shrinks=warp.shrinks(p, facts)),
+        error=lambda p, knob, facts: error_of(kernel.name, p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts),
-        rates={"opencl": rate, "numpy": Rate(2e-4, 1e-8 + 6e-8 * kernel.taps**2)},
+        rates={"opencl": rate, "numpy": Rate(3e-4, 1e-7 * kernel.taps**2)},
     )(ByKernel)
 
 
@@ -350,9 +250,9 @@ class Moved(Map):
 def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
     @operation.method(
         "mip",
-        error=lambda p, knob, facts: error_of("mip", p, facts, shrinks=warp.shrinks(p, facts)),
+        error=lambda p, knob, facts: error_of("mip", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts) + facts["image"].samples / 4,
-        rates={"opencl": Rate(1e-3, 1.5e-8), "numpy": Rate(2e-3, 6e-7)},
+        rates={"opencl": Rate(1.5e-3, 1.4e-8), "numpy": Rate(2e-3, 6e-7)},
     )
     class Mip:
         """Two levels of a pyramid, bilinear in each, by the longer axis of the footprint."""
@@ -372,9 +272,9 @@ def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
     @operation.method(
         "supersampled",
         knob=POINTS,
-        error=lambda p, knob, facts: error_of("supersampled", p, facts, shrinks=warp.shrinks(p, facts)),
+        error=lambda p, knob, facts: error_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts) * (8 + (knob**2 if warp.shrinks(p, facts) else 0)),
-        rates={"opencl": Rate(3e-4, 2.5e-9), "numpy": Rate(2e-3, 2.5e-7)},
+        rates={"opencl": Rate(6e-4, 3.7e-9), "numpy": Rate(2e-3, 2.5e-7)},
     )
     class Supersampled:
         """A grid of bilinear samples over the ellipse of each pixel."""
@@ -396,11 +296,11 @@ def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
     @operation.method(
         "ewa",
         knob=SAMPLES,
-        error=lambda p, knob, facts: error_of("ewa", p, facts, shrinks=warp.shrinks(p, facts)),
+        error=lambda p, knob, facts: error_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: (
-            _work(warp, p, facts) * (8 + (8 * (knob * reach_of(knob)) ** 2 if warp.shrinks(p, facts) else 0))
+            _work(warp, p, facts) * (8 + (8 * knob * reach_of(knob) ** 2 if warp.shrinks(p, facts) else 0))
         ),
-        rates={"opencl": Rate(1e-3, 1e-9), "numpy": Rate(3e-3, 2e-7)},
+        rates={"opencl": Rate(1.5e-3, 6.5e-10), "numpy": Rate(3e-3, 2e-7)},
     )
     class Ewa:
         """The elliptical weighted average, of the level of a pyramid that fits the shorter axis."""

@@ -49,7 +49,7 @@ from lichen.operation import (
 )
 from lichen.operations.warp import cases, kernels
 from lichen.operations.warp.kernels import Kernel
-from lichen.operations.warp.resampling import LARGEST, Size, check_size, result_facts
+from lichen.operations.warp.prediction import LARGEST, Size, check_size, result_facts
 from lichen.operations.warp.separable import Axis, axis
 
 Factor = Annotated[float, Field(gt=0, le=LARGEST)]

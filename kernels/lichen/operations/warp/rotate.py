@@ -29,7 +29,8 @@ from lichen.opencl.device import Device
 from lichen.operation import Degrees, HardCase, InputFacts, Inputs, Knob, Rate
 from lichen.operations.warp import cases
 from lichen.operations.warp.maps import Projective
-from lichen.operations.warp.resampling import Size, Warp, WarpParameters, declare, own_size, shears_error
+from lichen.operations.warp.prediction import Size, shears_error
+from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 from lichen.operations.warp.shears import turned_by_shears
 
 
