@@ -49,7 +49,7 @@ class System:
         return document(request.head, canonical(versions()))
 
     def limits(self, request: Request, name: str) -> Response:
-        return document(request.head, canonical(limits_of(self._settings)))
+        return document(request.head, _limits(self._settings))
 
     def openapi(self, request: Request, name: str) -> Response:
         return document(request.head, _openapi())
@@ -65,6 +65,11 @@ class System:
 @cache
 def _openapi() -> bytes:
     return canonical(openapi(catalogue.operations()))
+
+
+@cache
+def _limits(settings: Settings) -> bytes:
+    return canonical(limits_of(settings))
 
 
 @cache
