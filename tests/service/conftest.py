@@ -119,7 +119,7 @@ def service(settings: Settings) -> Service:
     logs.configure()
     service = Service(settings)
     service.readiness.start()
-    assert service.readiness.wait(120)
+    assert service.readiness.wait(900)
     return service
 
 

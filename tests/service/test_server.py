@@ -53,7 +53,7 @@ def served(**environment: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
 
 
 def wait_until_ready(port: int) -> None:
-    for _ in range(600):
+    for _ in range(9000):
         if ask(port, "GET", "/readyz")[0] == 200:
             return
         time.sleep(0.1)

@@ -30,7 +30,7 @@ from ..test_server import ask, served
 
 BLUR = "/v1/operations/gaussian?sigma=2&device=numpy&format=png"
 ASYNC = {"prefer": "respond-async"}
-PATIENCE = 60.0
+PATIENCE = 300.0
 
 
 def until(holds: Callable[[], bool]) -> None:
