@@ -84,6 +84,13 @@ def decode(field: Array, p: Parameters, limit: float, dtype: npt.DTypeLike) -> A
     return bounded
 
 
+def decode_any(field: Array, scale: float, bias: float) -> Array:
+    """The vectors of operations that follow lines by arc length alone, float64."""
+    vectors = (field[:, :, :2].astype(np.float32) - np.float32(bias)).astype(np.float64) * scale
+    decoded: Array = np.where(np.isfinite(vectors).all(axis=2, keepdims=True), vectors, np.nan)
+    return decoded
+
+
 def noise_size(height: int, width: int, p: Parameters) -> tuple[int, int]:
     return max(round(height / p.grain), 1), max(round(width / p.grain), 1)
 
