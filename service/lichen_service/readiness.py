@@ -1,7 +1,8 @@
 """Whether this process can really answer: warm-up, and a canary on the road every request takes.
 
-A process is ready when every operation has run once on a tiny image (which builds its kernels) and when a tiny request
-goes through right now. Warm-up happens in a thread of its own, so liveness never waits for a compiler. The canary
+A process is ready when an operation has run on a tiny image and a tiny request goes through right now. Behind its back
+every other operation runs once, too, which builds its kernels: the first caller of one need not wait for a compiler.
+That happens in a thread of its own, so neither liveness nor readiness waits for all of it. The canary
 runs in another: a stuck device makes it late, and late means not ready, without taking down the thread that asks.
 """
 
@@ -109,6 +110,7 @@ class Readiness:
         self._lock = threading.Lock()
         self._canary: _Canary | None = None
         self._good_until = 0.0
+        self._able = threading.Event()
         self._warm = threading.Event()
 
     def start(self) -> None:
@@ -119,22 +121,28 @@ class Readiness:
         """Waits for the end of the warm-up; False if it takes longer."""
         return self._warm.wait(seconds)
 
+    def able(self, seconds: float) -> bool:
+        """Waits until the first operation has run; False if it takes longer."""
+        return self._able.wait(seconds)
+
     def _warm_up(self) -> None:
         began = time.monotonic()
         try:
             for operation, method, failed in warm_up():
+                self._able.set()
                 if failed is not None:
                     log.error("warm-up failed", operation=operation, method=method, reason=str(failed))
         except Exception:
             log.exception("warm-up broke off")
         finally:
+            self._able.set()
             self._warm.set()
             log.info("warm", seconds=round(time.monotonic() - began, 3))
 
     def reason(self) -> str | None:
         """Why the process should not be sent requests now, or None if it should."""
-        if not self._warm.is_set():
-            return "kernels are still being built"
+        if not self._able.is_set():
+            return "no operation has run yet"
         with self._lock:
             if time.monotonic() < self._good_until:
                 return None
