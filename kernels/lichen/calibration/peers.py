@@ -152,6 +152,10 @@ def _rlic_same(p: Any) -> bool:
     return plain and p.length == round(p.length) and p.scale > 0
 
 
+def _plain_blur(p: Any) -> bool:
+    return p.sigma > 0 and (p.sigma_x, p.sigma_y, p.missing) == (None, None, "spread")
+
+
 def _plain_srgb(p: Any) -> bool:
     return (p.curve, p.negative) == ("srgb", "mirror")
 
@@ -162,7 +166,7 @@ PEERS = (
         "cv2",
         "opencv-python-headless",
         "gaussian",
-        lambda p: p.border in _OPENCV_BORDERS and p.sigma > 0,
+        lambda p: p.border in _OPENCV_BORDERS and _plain_blur(p),
         _opencv_blur,
     ),
     Peer(
@@ -170,7 +174,7 @@ PEERS = (
         "skimage.filters",
         "scikit-image",
         "gaussian",
-        lambda p: p.border in _SKIMAGE_BORDERS and p.sigma > 0,
+        lambda p: p.border in _SKIMAGE_BORDERS and _plain_blur(p),
         _skimage_blur,
     ),
     Peer("OpenImageIO colorconvert", "OpenImageIO", "OpenImageIO", "transfer", _plain_srgb, _oiio_srgb),
