@@ -297,14 +297,20 @@ def _exact_error(p: Parameters, facts: Facts) -> Error:
     return Error(value, "estimate", rounding=value)
 
 
+def _stage(p: Parameters, facts: InputFacts) -> Stage | None:
+    """For fused kernels; curves of several pieces and exponents by channel run alone."""
+    if p.curve not in WHOLE or isinstance(p.gamma, tuple):
+        return None
+    made = definitions(form(p), p.clamped), tuple(map(float, constants(form(p))))
+    return Stage("tone/transfer_stage.clh", *made)
+
+
 @transfer.method(
     "exact",
     error=lambda p, knob, facts: _exact_error(p, facts["image"]),
     work=_work,
     rates={"opencl": Rate(3e-4, 4.5e-10), "numpy": Rate(1e-4, 3.6e-9)},
-    stage=lambda p, facts: Stage(
-        "tone/transfer_stage.clh", definitions(form(p), p.clamped), tuple(map(float, constants(form(p))))
-    ),
+    stage=_stage,
 )
 class Exact:
     """The curve itself in float32, written so that nothing cancels; the error is a few roundings times the

@@ -92,14 +92,14 @@ class Rising:
 
 
 def _first_root(coefficients: tuple[float, ...]) -> float:
-    """The smallest positive root of 1 + c1 s + c2 s^2 + ...; infinite where there is none."""
-    rest = np.trim_zeros(np.array([*reversed(coefficients), 1.0]), "f")
-    if len(rest) < 2:
-        return math.inf
-    roots = np.roots(rest)
+    """The smallest positive root of 1 + c1 s + c2 s^2 + ...; infinite where there is none.
+
+    Its inverse is the largest root of t^n + c1 t^(n-1) + ..., whose companion matrix holds the coefficients undivided.
+    """
+    roots = np.roots([1.0, *coefficients])
     real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0)]
-    first = float(real.min(initial=math.inf))
-    return first if first < DISTANT else math.inf
+    largest = float(real.max(initial=0.0))
+    return 1 / largest if largest * DISTANT > 1 else math.inf
 
 
 def odd_polynomial(k: tuple[float, ...], limit: float) -> Rising:
