@@ -264,3 +264,31 @@ def test_linear_fields_have_one_point_of_the_right_kind(matrix: Any, kind: str, 
         point = findings["points"][0]
         assert (point["x"], point["y"]) == pytest.approx(place, abs=1e-4)
         assert np.allclose(np.array(point["jacobian"]) / size, matrix, atol=1e-4)
+
+
+# ---------------------------------------------------------------------------------------------------------- calculus
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_calculus_is_that_of_numpy(backend: str) -> None:
+    rng = np.random.default_rng(9)
+    picture, field = rng.random((17, 23, 3), np.float32), rng.standard_normal((17, 23, 2)).astype(np.float32)
+
+    def vector(image: Array, **values: Any) -> Array:
+        return lichen.run("vector", image, device=backend, **values).image.pixels.astype(np.float64)
+
+    down, right = np.gradient(picture.mean(axis=2, dtype=np.float64))
+    assert np.abs(vector(picture, make="gradient") - np.stack([right, down], axis=-1)).max() < 1e-6
+    assert np.abs(vector(picture) - np.stack([-down, right], axis=-1)).max() < 1e-6
+    u, v = np.gradient(field[..., 0].astype(float)), np.gradient(field[..., 1].astype(float))
+    assert np.abs(vector(field, make="curl")[..., 0] - (v[1] - u[0])).max() < 1e-6
+    assert np.abs(vector(field, make="divergence")[..., 0] - (u[1] + v[0])).max() < 1e-6
+    turned = (field[..., 0] + 1j * field[..., 1]) * np.exp(1j * np.radians(40))
+    assert np.abs(vector(field, make="rotate", angle=40) - np.stack([turned.real, turned.imag], axis=-1)).max() < 1e-6
+    assert np.abs(np.hypot(*np.moveaxis(vector(field, make="normalise"), -1, 0)) - 1).max() < 1e-6
+
+
+def test_curl_needs_components() -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.run("vector", np.zeros((4, 4, 1)), make="curl")
+    assert [flaw.pointer for flaw in caught.value.flaws] == ["/inputs/image"]
