@@ -60,23 +60,30 @@ class Task:
         p, real = self.p, np.dtype(self.dtype).type
         lattices = placed(p, self.basis, self.cut, stream)
         middle, half = (p.middle, p.half) if planes is None else (0.0, 1.0)
-        integers = (p.width, p.height, self.stride, len(lattices), len(shape.left), FRACTALS[shape.fractal])
+        parts = len(lattices[0].slices) if lattices else 1
+        integers = (
+            p.width, p.height, self.stride, p.channels, len(lattices), len(shape.left), FRACTALS[shape.fractal],
+            p.dimensions, parts,
+        )  # fmt: skip
         session.launch(
             SOURCE, "sum", (-(-p.width // SEGMENT) * p.height,),
             *self._axes(lattices), *self._slices(lattices), self._terms(shape, lattices), self._own(), *moved,
             planes if planes is None else session.write(planes), out if out is None else session.write(out),
             *(np.int32(n) for n in integers),
             *(real(n) for n in (shape.start, shape.mean, middle, half, p.warp)),
-            local=LOCAL, defines=self._defines(lattices, warped=moved[0] is not None),
+            local=LOCAL, defines=self._defines(warped=moved[0] is not None),
         )  # fmt: skip
 
-    def _defines(self, lattices: tuple[Placed, ...], *, warped: bool) -> dict[str, int]:
+    def _defines(self, *, warped: bool) -> dict[str, int]:
+        """Of the program. Derivatives in doubles come from the one that can move places, too, and that one always has
+        them: a rarely used program less is a second less to wait."""
+        double, derivatives = np.dtype(self.dtype) == np.float64, self.p.output is Output.DERIVATIVES
+        warped = warped or (double and derivatives)
         return {
             **self.basis.defines(self.p),
-            "DOUBLE": int(np.dtype(self.dtype) == np.float64),
-            "DIMENSIONS": self.p.dimensions,
-            "SLICES": len(lattices[0].slices) if lattices else 1,
-            "DERIVATIVES": int(self.p.output is Output.DERIVATIVES),
+            "DOUBLE": int(double),
+            "HIGHER": int(self.p.dimensions > 2),
+            "DERIVATIVES": int(derivatives or warped),
             "WARPED": int(warped),
         }
 

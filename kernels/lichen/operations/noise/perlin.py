@@ -89,7 +89,7 @@ perlin_noise = declared(
     ),
     hard_cases=(zero_at_corners(), *lattice_cases()),
     rates={
-        "opencl": (Rate(1e-3, 3.5e-10), Rate(1e-3, 1.2e-9)),
-        "numpy": (Rate(1e-3, 1.2e-8), Rate(1e-3, 2.0e-8)),
+        "opencl": (Rate(5e-4, 4.5e-10), Rate(5e-4, 8.5e-10)),
+        "numpy": (Rate(5e-4, 3.2e-8), Rate(5e-4, 3.8e-8)),
     },
 )

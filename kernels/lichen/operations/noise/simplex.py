@@ -149,7 +149,7 @@ simplex_noise = declared(
     ),
     hard_cases=lattice_cases(),
     rates={
-        "opencl": (Rate(1e-3, 3.5e-10), Rate(1e-3, 1.2e-9)),
-        "numpy": (Rate(1e-3, 1.2e-8), Rate(1e-3, 2.0e-8)),
+        "opencl": (Rate(5e-4, 7.8e-10), Rate(5e-4, 1.2e-9)),
+        "numpy": (Rate(5e-4, 6.0e-8), Rate(5e-4, 6.2e-8)),
     },
 )

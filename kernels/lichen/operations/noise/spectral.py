@@ -154,7 +154,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 
 
 @spectral_noise.method(
-    "single", error=_error, work=_work, rates={"opencl": Rate(3e-4, 2.5e-9), "numpy": Rate(3e-4, 2.5e-9)}
+    "single", error=_error, work=_work, rates={"opencl": Rate(3e-4, 4.0e-9), "numpy": Rate(3e-4, 4.0e-9)}
 )
 class Single:
     """Transforms in float32, on the processor."""
@@ -169,7 +169,7 @@ class Single:
 
 
 @spectral_noise.method(
-    "double", error=_error_double, work=_work, rates={"opencl": Rate(3e-4, 4e-9), "numpy": Rate(3e-4, 4e-9)}
+    "double", error=_error_double, work=_work, rates={"opencl": Rate(3e-4, 4.6e-9), "numpy": Rate(3e-4, 4.6e-9)}
 )
 class Double:
     """Transforms in float64, on the processor; the result is rounded to float32 once."""

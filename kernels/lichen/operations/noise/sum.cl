@@ -1,7 +1,8 @@
 // Octaves of a basis on a lattice, summed. octaves.py says what an octave is, fractal.py how they become one.
 //
 // One work-item takes a segment of a row: what the row meets of the lattice is found once for all its pixels. Built with
-// BASIS (the header of the basis), DOUBLE, DIMENSIONS, SLICES, DERIVATIVES and WARPED.
+// BASIS (the header of the basis), DOUBLE, HIGHER (three or four dimensions), DERIVATIVES (whether they are computed) and
+// WARPED (whether places may be moved): few programs, since each takes a second to build.
 
 #define FRACTAL_NONE 0
 #define FRACTAL_FBM 1
@@ -10,7 +11,6 @@
 #define FRACTAL_RIDGED 4
 
 #include "lanes.clh"
-#include "numeric.clh"
 #include "gradient.clh"
 #if BASIS == 0
 #include "lattice.clh"
@@ -76,9 +76,10 @@ NOISE_FN void add(Sum *sum, reals n, reals x, reals y, Octave octave, real mean,
 #endif
 }
 
-// Sixteen values, to `planes` if there are any (the sum itself is wanted, to move places by), else to `out`: those of channel `channel` at pixel (column, row).
-NOISE_FN void put(reals v, global real *restrict planes, global float *restrict out, int channel, int column, int row,
-                  int width, int height, int stride)
+// Sixteen values of channel `channel` from pixel (column, row) on: to `planes` if there are any (the sum itself is wanted, to
+// move places by), else to `out`.
+NOISE_FN void put(reals v, global real *restrict planes, global float *restrict out, int channel, int channels,
+                  int column, int row, int width, int height, int stride)
 {
     if (planes) {
         vstore16(v, 0, planes + ((size_t)channel * height + row) * stride + column);
@@ -89,7 +90,6 @@ NOISE_FN void put(reals v, global real *restrict planes, global float *restrict 
 #else
     float16 values = v;
 #endif
-    const int channels = DERIVATIVES ? 3 : 1;
     size_t at = ((size_t)row * width + column) * channels + channel;
     if (channels == 1 && column + LANES <= width) {
         vstore16(values, 0, out + at);
@@ -105,11 +105,10 @@ NOISE_FN void put(reals v, global real *restrict planes, global float *restrict 
 // derivatives along x and y where those are wanted. `own` are numbers of the basis.
 kernel void sum(global const int *restrict column_cells, global const real *restrict columns,
                 global const int *restrict row_cells, global const real *restrict rows, constant const uint *keys,
-                constant const real *places, constant const real *terms,
-                constant const real *own, global const real *restrict moved_x,
-                global const real *restrict moved_y, global real *restrict planes, global float *restrict out, int width,
-                int height, int stride, int octaves, int left, int fractal, real start, real mean, real middle, real half_range,
-                real warp)
+                constant const real *places, constant const real *terms, constant const real *own,
+                global const real *restrict moved_x, global const real *restrict moved_y, global real *restrict planes,
+                global float *restrict out, int width, int height, int stride, int channels, int octaves, int left, int fractal, int dimensions,
+                int parts, real start, real mean, real middle, real half_range, real warp)
 {
     const int segments = (width + SEGMENT - 1) / SEGMENT;
     const int first = (int)(get_global_id(0) % segments) * SEGMENT, row = (int)(get_global_id(0) / segments);
@@ -128,19 +127,21 @@ kernel void sum(global const int *restrict column_cells, global const real *rest
     for (int k = 0; k < octaves; k++) {
         Octave octave = all[k];
         const int period_x = (int)octave.period_x, period_y = (int)octave.period_y;
-        Slice slices[SLICES];
+        Slice slices[MOST_SLICES];
         #pragma unroll 1
-        for (int i = 0; i < SLICES; i++) {
-            constant const real *place = places + (k * SLICES + i) * 4;
-            slices[i].key = vload2(k * SLICES + i, keys);
+        for (int i = 0; i < parts; i++) {
+            constant const real *place = places + (k * parts + i) * 4;
+            slices[i].key = vload2(k * parts + i, keys);
             slices[i].z = place[0];
             slices[i].w = place[1];
             slices[i].weight = place[2];
             slices[i].centred = place[3];
+            slices[i].four = dimensions == 4;
+            slices[i].count = parts;
         }
         const int row_cell = row_cells[k * height + row];
         const real row_place = rows[k * height + row];
-        Line lines[LINES];
+        Line lines[MOST_LINES];
 #if !WARPED
         lines_at(lines, row_cell, row_place, slices, period_y, own);
 #endif
@@ -154,8 +155,11 @@ kernel void sum(global const int *restrict column_cells, global const real *rest
 #if WARPED
             size_t at = (size_t)row * stride + column;
             reals whole_x, whole_y;
-            x += warp * octave.across * vload16(0, moved_x + at);
-            reals y = row_place + warp * octave.down * vload16(0, moved_y + at);
+            reals y = (reals)(row_place);
+            if (moved_x) {
+                x += warp * octave.across * vload16(0, moved_x + at);
+                y += warp * octave.down * vload16(0, moved_y + at);
+            }
             whole_x = floor(x);
             whole_y = floor(y);
             x -= whole_x;
@@ -180,17 +184,21 @@ kernel void sum(global const int *restrict column_cells, global const real *rest
                 ridge(&sums[v], (reals)(mean), zero, zero, all[octaves + k].amplitude);
         }
 #if DERIVATIVES
-        reals slope_x = sums[v].x, slope_y = sums[v].y;
+        if (channels == 3) {
+            reals slope_x = sums[v].x, slope_y = sums[v].y;
 #if WARPED
-        const size_t at = (size_t)row * stride + column, plane = (size_t)height * stride;
-        reals x_x = vload16(0, moved_x + plane + at), x_y = vload16(0, moved_x + 2 * plane + at);
-        reals y_x = vload16(0, moved_y + plane + at), y_y = vload16(0, moved_y + 2 * plane + at);
-        slope_x = sums[v].x + warp * (sums[v].x * x_x + sums[v].y * y_x);
-        slope_y = sums[v].y + warp * (sums[v].x * x_y + sums[v].y * y_y);
+            if (moved_x) {
+                const size_t at = (size_t)row * stride + column, plane = (size_t)height * stride;
+                reals x_x = vload16(0, moved_x + plane + at), x_y = vload16(0, moved_x + 2 * plane + at);
+                reals y_x = vload16(0, moved_y + plane + at), y_y = vload16(0, moved_y + 2 * plane + at);
+                slope_x = sums[v].x + warp * (sums[v].x * x_x + sums[v].y * y_x);
+                slope_y = sums[v].y + warp * (sums[v].x * x_y + sums[v].y * y_y);
+            }
 #endif
-        put(half_range * slope_x, planes, out, 1, column, row, width, height, stride);
-        put(half_range * slope_y, planes, out, 2, column, row, width, height, stride);
+            put(half_range * slope_x, planes, out, 1, channels, column, row, width, height, stride);
+            put(half_range * slope_y, planes, out, 2, channels, column, row, width, height, stride);
+        }
 #endif
-        put(middle + half_range * sums[v].total, planes, out, 0, column, row, width, height, stride);
+        put(middle + half_range * sums[v].total, planes, out, 0, channels, column, row, width, height, stride);
     }
 }

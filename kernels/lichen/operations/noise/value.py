@@ -66,7 +66,7 @@ value_noise = declared(
     ),
     hard_cases=lattice_cases(),
     rates={
-        "opencl": (Rate(1e-3, 3.5e-10), Rate(1e-3, 1.2e-9)),
-        "numpy": (Rate(1e-3, 1.2e-8), Rate(1e-3, 2.0e-8)),
+        "opencl": (Rate(5e-4, 5.0e-10), Rate(5e-4, 5.5e-10)),
+        "numpy": (Rate(5e-4, 2.0e-8), Rate(5e-4, 2.1e-8)),
     },
 )  # fmt: skip
