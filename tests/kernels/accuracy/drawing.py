@@ -25,6 +25,8 @@ from lichen.operation import Facts, Input, Method
 OPERATIONS = lichen.operations()
 DEAREST = 0.15
 """Predicted seconds of truth; more than is drawn."""
+LARGEST_SIDE = 16384
+"""px; a width or height that goes so far is that of the result."""
 KNEES = (0.0, 0.0031308, 0.018, 0.04045, 1 / 12, 0.081, 0.5, 1.0, 1.8396, 1.9921, 2.0)
 
 
@@ -136,7 +138,7 @@ def parameters(draw: st.DrawFn, operation_name: str) -> dict[str, Any]:
             continue
         if name in base and draw(st.integers(0, 3)):
             continue
-        if operation.generates and name in ("width", "height"):
+        if name in ("width", "height") and LARGEST_SIDE in (e.get("maximum") for e in (field, *field.get("anyOf", ()))):
             base[name] = draw(st.integers(1, 48))
         elif shapes:
             base[name] = draw(st.sampled_from(shapes).flatmap(renumbered))

@@ -23,7 +23,7 @@ from lichen.accuracy.precision import PRECISIONS, Precision
 from lichen.errors import LichenError
 from lichen.image import Alpha, Image, Space
 from lichen.opencl.device import default_device
-from lichen.operation import Operation
+from lichen.operation import Facts, Operation
 
 from . import drawing
 
@@ -31,6 +31,8 @@ OPERATIONS = dict(lichen.operations())
 BACKENDS = ("opencl", "numpy")
 UNDERFLOW = float(np.finfo(np.float32).tiny)
 FUZZED = int(os.environ.get("LICHEN_DRAWS", "0"))
+MOST = 1 << 14
+"""Pixels of a result that are drawn."""
 SHARE = 1e-3
 """Of draws in which an estimate may be exceeded."""
 
@@ -150,6 +152,8 @@ def test_whole_runs_keep_what_they_state(operation: Operation[Any]) -> None:
         }
         assume(float(values.get("sigma", 1)) < 100)
         try:
+            parameters, facts = operation.validate(values), {operation.inputs[0].name: Facts.of(picture)}
+            assume(operation.check(parameters, facts) or operation.result(parameters, facts).pixels <= MOST)
             result = lichen.run(operation.name, picture, **wish, **values)
         except LichenError:
             assume(False)

@@ -38,6 +38,7 @@ from lichen.operation import (
 )
 from lichen.operations.convolution.borders import continued
 from lichen.operations.warp import cases
+from lichen.operations.warp.launch import built_for
 from lichen.operations.warp.prediction import LARGEST, Size, check_size
 
 STRIP = 64
@@ -220,8 +221,8 @@ class Exact:
             session.launch(
                 "warp/arrange.cl", "arrange", (-(-len(columns) // STRIP), len(rows)), aligned(image.pixels),
                 session.write(out), aligned(columns, np.int32), aligned(rows, np.int32), np.int32(len(columns)),
-                np.int32(len(rows)), np.int32(image.width), np.float32(p.value), local=(1, 16),
-                defines={"CHANNELS": image.channels, "TRANSPOSED": int(p.transpose)},
+                np.int32(len(rows)), np.int32(image.width), np.int32(image.channels), np.int32(p.transpose),
+                np.float32(p.value), local=(1, 16), defines=built_for(image.channels),
             )  # fmt: skip
         return out
 

@@ -21,6 +21,11 @@ BORDERS: list[Border | Closed] = [*Border, *Closed]
 """In the order of their numbers in border.clh and places.clh."""
 
 
+def built_for(channels: int) -> dict[str, int]:
+    """Definitions for kernels over plain pixels: the usual channel counts have their own, others share one."""
+    return {"CHANNELS": channels if channels in (1, 3, 4) else 0}
+
+
 @dataclass(frozen=True, eq=False)
 class Looks:
     """The places of a result on the device: nine numbers, or tables of coordinates and of their steps."""

@@ -45,6 +45,7 @@ from lichen.operation import (
 )
 from lichen.operations.convolution.borders import OUTSIDE, continued
 from lichen.operations.warp import cases
+from lichen.operations.warp.launch import built_for
 from lichen.operations.warp.prediction import Size, check_size, result_facts
 from lichen.operations.warp.resize import BLOCK, STRIP, tables
 from lichen.operations.warp.separable import Axis
@@ -246,7 +247,7 @@ def _launch(session: Session, pixels: Array, width: int, height: int, p: Paramet
     tall, wide, channels = pixels.shape
     across, down = halving(wide, p.kernel, p.border), halving(tall, p.kernel, p.border)
     between, out = session.scratch((height, wide, channels)), aligned_empty((height, width, channels))
-    defines = {"CHANNELS": channels}
+    defines = built_for(channels)
     session.launch(
         "warp/resize.cl", "down", (-(-wide * channels // STRIP), height), pixels, session.readwrite(between),
         *tables(down, p.value), np.int32(down.taps), np.int32(wide * channels), np.int32(height), local=(1, 16),
@@ -255,7 +256,7 @@ def _launch(session: Session, pixels: Array, width: int, height: int, p: Paramet
     session.launch(
         "warp/resize.cl", "across", (-(-width // STRIP), -(-height // BLOCK)), between, session.readwrite(out),
         *tables(across, p.value), np.int32(across.taps), np.int32(wide), np.int32(width), np.int32(height),
-        local=(1, 16), defines=defines,
+        np.int32(channels), local=(1, 16), defines=defines,
     )  # fmt: skip
     return out
 

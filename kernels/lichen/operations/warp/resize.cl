@@ -36,23 +36,24 @@ kernel void down(global const float *restrict in, global float *restrict out, gl
     }
 }
 
-/* Columns from columns, of pixels of CHANNELS floats. One work-item does one column of BLOCK rows, so that indices and
+/* Columns from columns, of pixels of CHANNELS floats, or of `floats` where that is 0. One work-item does one column of BLOCK rows, so that indices and
  * weights are read once for all of them. */
 #define BLOCK 4
 
 kernel void across(global const float *restrict in, global float *restrict out, global const int *restrict index,
                    global const float *restrict weights, global const float *restrict outside, int taps, int columns,
-                   int wide, int rows) {
+                   int wide, int rows, int floats) {
     const int first = get_global_id(0) * STRIP, row = get_global_id(1) * BLOCK;
     if (first >= wide || row >= rows) return;
     const int count = min(STRIP, wide - first);
-    const size_t pitch = (size_t)columns * CHANNELS, step = (size_t)wide * CHANNELS;
+    const int channels = CHANNELS ? CHANNELS : floats;
+    const size_t pitch = (size_t)columns * channels, step = (size_t)wide * channels;
     const int tall = min(BLOCK, rows - row);
     for (int i = first; i < first + count; ++i) {
         global const int *at = index + (size_t)i * taps;
         global const float *by = weights + (size_t)i * taps;
         global const float *from = in + row * pitch;
-        global float *to = out + row * step + (size_t)i * CHANNELS;
+        global float *to = out + row * step + (size_t)i * channels;
         const float begin = outside[i];
 #if CHANNELS == 4
         if (tall == BLOCK) {
@@ -73,9 +74,9 @@ kernel void across(global const float *restrict in, global float *restrict out, 
         }
 #endif
         for (int j = 0; j < tall; ++j)
-            for (int n = 0; n < CHANNELS; ++n) {
+            for (int n = 0; n < channels; ++n) {
                 float sum = begin;
-                for (int k = 0; k < taps; ++k) sum = fma(by[k], from[j * pitch + CHANNELS * at[k] + n], sum);
+                for (int k = 0; k < taps; ++k) sum = fma(by[k], from[j * pitch + channels * at[k] + n], sum);
                 to[j * step + n] = sum;
             }
     }

@@ -49,6 +49,7 @@ from lichen.operation import (
 )
 from lichen.operations.warp import cases, kernels
 from lichen.operations.warp.kernels import Kernel
+from lichen.operations.warp.launch import built_for
 from lichen.operations.warp.prediction import LARGEST, Size, check_size, result_facts
 from lichen.operations.warp.separable import Axis, axis
 
@@ -269,12 +270,12 @@ def _opencl(device: Device, inputs: Inputs, p: Parameters, name: str) -> Array:
         session.launch(
             "warp/resize.cl", "down", (-(-image.width * channels // STRIP), height), aligned(image.pixels),
             session.readwrite(between), *tables(down, p.value), np.int32(down.taps),
-            np.int32(image.width * channels), np.int32(height), local=(1, 16), defines={"CHANNELS": channels},
+            np.int32(image.width * channels), np.int32(height), local=(1, 16), defines=built_for(channels),
         )  # fmt: skip
         session.launch(
             "warp/resize.cl", "across", (-(-width // STRIP), -(-height // BLOCK)), between, session.write(out),
             *tables(across, p.value), np.int32(across.taps), np.int32(image.width), np.int32(width),
-            np.int32(height), local=(1, 16), defines={"CHANNELS": channels},
+            np.int32(height), np.int32(channels), local=(1, 16), defines=built_for(channels),
         )  # fmt: skip
     return out
 
