@@ -234,6 +234,8 @@ def test_declaration_is_complete(operation: Operation[Any]) -> None:
     for name, field in operation.parameters.model_fields.items():
         assert field.description, f"{name} has no description"
     json.dumps(operation.schema(), allow_nan=False)
+    for example in operation.examples:
+        hash(operation.validate(example))  # plans remember what they predicted by it
 
 
 @each()

@@ -64,10 +64,11 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
 
 
 def _departure(p: Parameters, facts: InputFacts) -> dict[str, float]:
-    """All but the weight of the pixel itself goes to others, which differ from it by the spread at most."""
-    own = 0.0
-    if p.turned is None and not missing.leaves_out(p.missing, facts):
-        own = math.prod(float(half_kernel(sigma)[0]) for sigma in p.deviations)
+    """All but the weight of the pixel itself goes to others, which differ from it by the spread at most. Nothing is
+    said where pixels are left out: where none remains there is no mean."""
+    if missing.leaves_out(p.missing, facts):
+        return {}
+    own = 0.0 if p.turned else math.prod(float(half_kernel(sigma)[0]) for sigma in p.deviations)
     return {"image": (1 - own) * base.spread(p, facts)[0]}
 
 

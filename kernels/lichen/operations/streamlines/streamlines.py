@@ -69,7 +69,7 @@ class Seeding(StrEnum):
 class Parameters(OperationParameters):
     seeding: Seeding = Field(Seeding.EVEN, description="where lines begin")
     spacing: Pixels = Field(16.0, ge=2, le=4096, description="between lines (even) or seeds (grid)")
-    points: list[tuple[float, float]] = Field([], max_length=10_000, description="seeds (x, y) in pixels, y down")
+    points: tuple[tuple[float, float], ...] = Field((), max_length=10_000, description="seeds (x, y) in pixels, y down")
     length: Pixels = Field(400.0, ge=0, le=20_000, description="how far to follow a line each way")
     step: Pixels = Field(1.0, ge=0.1, le=4, description="between the points of a line")
     width: Pixels = Field(1.0, ge=0, le=16, description="of the pen")
