@@ -9,6 +9,7 @@ Run: python tests/benchmarks/bench_lic.py
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,9 @@ from lichen.image import Image, as_image
 from lichen.opencl.device import default_device
 from lichen.operations.streamlines.lic import Parameters, lic
 
-WANTED = {"nearest": 0.12, "rk2": 0.5}
+WANTED = {"nearest": 0.085, "rk2": 0.35, "rk4": 0.6}
+SETTINGS = {"rk45": ("tolerance", 0.03), "fastlic": ("distance", 0.25), "fixed": ("bits", 12)}
+"""Of methods whose knob is not the step of one pixel that the others take."""
 PIXEL_TEXTURES_MS = 300.0
 """512 x 512, 20 steps, on an SGI Octane MXE (250 MHz R10000): Heidrich and others 1999, section 3."""
 
@@ -56,7 +59,9 @@ def compare(size: int, length: int = 20) -> list[Row]:
     for method in lic.methods:
 
         def ours(method: str = method) -> lichen.Result:
-            return lichen.run("lic", inputs["field"], texture=inputs["texture"], length=length, method=method, step=1)
+            knob, setting = SETTINGS.get(method, ("step", 1.0))
+            asked = {"length": length, "method": method, knob: setting}
+            return lichen.run("lic", inputs["field"], texture=inputs["texture"], **asked)
 
         error = window_error(ours().image.pixels[:, :, 0], inputs, length)
         ours_ms, peer_ms = medians([ours, peer], rounds=7)
@@ -104,6 +109,34 @@ def accuracy(length: int = 20) -> str:
     return "\n".join(lines) + "\n"
 
 
+def shared(size: int = 1024, length: int = 100) -> str:
+    """Lines that serve many pixels beside a line for each: time and RMS error in a window, over the spread."""
+    texture = np.random.default_rng(0).random((size, size), dtype=np.float32)
+    inputs = {"field": as_image(gyre(size)), "texture": as_image(texture)}
+    cases = [("rk4", 2.0), ("rk4", 1.5), ("rk4", 1.0), ("fastlic", 0.5), ("fastlic", 0.25), ("fastlic", 0.125)]
+    device, parameters = default_device(), Parameters(length=length)
+    half, low = 24, size // 3
+    part = slice(low - half - length - 2, low + half + length + 2)
+    cut = {name: as_image(image.pixels[part, part].copy()) for name, image in inputs.items()}
+    exact = lic.methods["rk4"].implementation.opencl(device, cut, parameters, 1 / 16)[length + 2 : -length - 2]
+    exact = exact[:, length + 2 : -length - 2]
+
+    def job(method: str, setting: float) -> Callable[[], np.ndarray]:
+        return lambda: lic.methods[method].implementation.opencl(device, inputs, parameters, setting)
+
+    times = medians([job(*case) for case in cases], rounds=3)
+    lines = [
+        f"### lic, {size} x {size}, length {length}",
+        "",
+        "| method | knob | ms | RMS error |",
+        "|---|---:|---:|---:|",
+    ]
+    for case, ms in zip(cases, times, strict=True):
+        wrong = job(*case)()[low - half : low + half, low - half : low + half] - exact
+        lines.append(f"| {case[0]} | {case[1]:g} | {ms:.0f} | {np.sqrt(np.square(wrong).mean()):.5f} |")
+    return "\n".join(lines) + "\n"
+
+
 def run() -> list[Row]:
     return [*compare(1024), *compare(512)]
 
@@ -113,4 +146,5 @@ if __name__ == "__main__":
     print(table("lic, 20 unit steps each way", rows))
     best = min(row.ours_ms for row in rows if row.work == "512 x 512")
     print(f"512 x 512, 20 steps: {PIXEL_TEXTURES_MS:.0f} ms by pixel textures in 1999, {best:.1f} ms here.\n")
+    print(shared())
     print(accuracy())

@@ -62,12 +62,21 @@ kernel void follow(global const float *restrict now, global const float *restric
             last[i] = own[i] - own[i];
         }
         here = start;
+        int whole = 1; /* no line has ended */
         for (int j = 0; j < count; ++j) {
             Vectors q;
             const float s = sign * step * (float)j;
             advance(&d, &at, &here, &flow, columns, row, s, sign * step);
             offset(&q, &at, &d, 1.0f);
             look(&there, &p, &flow, &q, columns, row, fma(sign, step, s));
+            if (!edge && whole && !any_opposed(&there, &d, sign)) {
+                at = q;
+                here = there;
+                if (!SAME) find(&p, &at, &home);
+                sample(sampled, texture, stride, &p, texture_width, texture_height);
+                accumulate_whole(sum, weight, last, own, sampled, k[j], k[j + 1]);
+                continue;
+            }
             EACH share[i] = alive[i];
             if (edge) cut_at_border(share, &at, &d, columns, row, width, height);
             cut_at_critical_points(share, &here, &there, &d, sign);
@@ -77,6 +86,7 @@ kernel void follow(global const float *restrict now, global const float *restric
                 at.y[i] = share[i] > 0.0f ? fma(share[i], d.y[i], at.y[i]) : at.y[i];
                 alive[i] = share[i] == 1.0f ? 1.0f : 0.0f;
                 cut |= share[i] > 0.0f && share[i] < 1.0f;
+                whole &= share[i] == 1.0f;
             }
             here = there;
             /* Where texture and field are of one size and no step was cut, the texels lie where the vectors did. */

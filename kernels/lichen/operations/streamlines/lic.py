@@ -111,7 +111,7 @@ STEP = Knob(
 )
 SAMPLING = {"opencl": Rate(5e-4, 1.4e-9), "numpy": Rate(1e-3, 1.0e-7)}
 WALKING = {"opencl": Rate(5e-4, 1.1e-9), "numpy": Rate(1e-3, 1.1e-7)}
-SHARING = {"opencl": Rate(5e-3, 3e-9), "numpy": Rate(5e-2, 2.0e-7)}
+SHARING = {"opencl": Rate(5e-3, 3e-9), "numpy": Rate(2e-3, 2.0e-7)}
 """Seconds per sample on 2 cores."""
 
 
@@ -192,7 +192,7 @@ class RungeKutta4:
 
 
 TOLERANCE = Knob("tolerance", (0.3, 0.03, 0.003), "error of a step along the line, px", 1e-4, 1.0)
-RK45 = Ladder(TOLERANCE, (0.1, 0.05, 0.035))
+RK45 = Ladder(TOLERANCE, (0.092, 0.053, 0.029))
 
 
 def adaptive_work(p: Parameters, tolerance: float, facts: InputFacts) -> float:
@@ -216,7 +216,7 @@ class RungeKutta45:
 
 
 DISTANCE = Knob("distance", (0.5, 0.25, 0.125), "from a line to the centres of the pixels it serves, px", 0.03, 0.5)
-FASTLIC = Ladder(DISTANCE, (0.1, 0.08, 0.06))
+FASTLIC = Ladder(DISTANCE, (0.107, 0.105, 0.103))
 
 
 def shared_work(p: Parameters, distance: float, facts: InputFacts) -> float:
@@ -252,7 +252,7 @@ class FastLic:
 
 
 BITS = Knob("bits", (8.0, 12.0, 16.0), "of a stored position or vector", 4.0, 16.0)
-FIXED = Ladder(BITS, (0.13, 0.11, 0.1))
+FIXED = Ladder(BITS, (0.106, 0.098, 0.098))
 
 
 def fixed_work(p: Parameters, bits: float, facts: InputFacts) -> float:
