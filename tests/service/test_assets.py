@@ -289,7 +289,7 @@ def test_a_run_keeps_its_inputs_from_eviction(call: Caller, png: bytes, monkeypa
         seen.append(call("DELETE", f"/v1/assets/{name}").status)
         raise RuntimeError
 
-    monkeypatch.setattr("lichen.engine.run", run)
+    monkeypatch.setattr("lichen.engine.prepare", run)
     assert call("GET", f"{BLUR}&image={name}").status == 500
     assert seen == [409]
     assert call("DELETE", f"/v1/assets/{name}").status == 204

@@ -12,20 +12,23 @@ The caller's wish decides:
 A node whose output is proved to be as close to one of its inputs as the budget allows (`Operation.departure`) may also
 be left out: that is a candidate like the others, which takes no time and errs by that distance.
 
-Nothing that meets the request is `Unattainable`, with the best that can be had; it is never missed silently.
+Where no method meets an asked error, nodes may be computed by their definitions, in doubles and slowly: only the
+rounding of the result is then left. What even that does not meet is `Unattainable`, with the best that can be had; it
+is never missed silently.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from lichen.accuracy.precision import Precision
 from lichen.errors import Flaw, InvalidRequest, Unattainable, nearest
 from lichen.image import Storage
-from lichen.operation import Error, Facts, Method
+from lichen.operation import ROUNDING, Error, Facts, Method
 from lichen.planning.budget import Problem, within_error, within_time
-from lichen.planning.graph import FREE, Candidate, Decision, Graph, Node, Output, Request, inputs_of
+from lichen.planning.graph import FREE, TRUTH, Candidate, Decision, Graph, Node, Output, Request, inputs_of
 from lichen.planning.predict import Offer
 
 DOUBLE_ROUNDING = 2.0**-40
@@ -44,7 +47,7 @@ def choose(graph: Graph, request: Request) -> Graph:
     _refuse_unusable(graph, request, offers, usable)
     targets = {name: target_error(facts[each.source], each, request) for name, each in graph.outputs.items()}
     problem = Problem(graph, facts, request, usable, targets, measures(request))
-    choices = within_time(problem) if request.max_ms is not None else within_error(problem)
+    choices = within_time(problem) if request.max_ms is not None else _within_error(problem, offers)
     nodes = tuple(
         node.replace(choice=choices[node.name], alternatives=tuple(offers[node.name])) for node in graph.nodes
     )
@@ -54,6 +57,20 @@ def choose(graph: Graph, request: Request) -> Graph:
         for node in nodes
         if node.choice is not None and node.choice.passes is None
     )
+
+
+def _within_error(problem: Problem, offers: dict[str, list[Candidate]]) -> Mapping[str, Candidate]:
+    """The cheapest methods that are accurate enough; with definitions among them only where there are none."""
+    try:
+        return within_error(problem)
+    except Unattainable:
+        free = [node for node in problem.graph.nodes if node.asked.method is None and not node.asked.knobs]
+        if not free or not problem.graph.precision.lossless:
+            raise
+        for node in free:
+            offers[node.name] += _definition(node, problem.facts, problem.request, DOUBLE_ROUNDING + ROUNDING)
+        usable = {name: [offer for offer in each if offer.unfit is None] for name, each in offers.items()}
+        return within_error(dataclasses.replace(problem, usable=usable))
 
 
 def _refuse_unusable(
@@ -75,11 +92,13 @@ def _where(node: Node, request: Request, pointer: str) -> str:
     return pointer if request.target else f"/nodes/{node.name}{pointer}"
 
 
-def _definition(node: Node, facts: Mapping[str, Facts], request: Request) -> list[Candidate]:
-    """Truth itself, in doubles: what remains where no method is precise enough."""
-    rounding = DOUBLE_ROUNDING * facts[node.name].extent.magnitude
+def _definition(
+    node: Node, facts: Mapping[str, Facts], request: Request, relative: float = DOUBLE_ROUNDING
+) -> list[Candidate]:
+    """Truth itself, in doubles, with its rounding relative to the output's magnitude."""
+    rounding = relative * facts[node.name].extent.magnitude
     seconds = node.operation.truth_seconds(node.parameters, inputs_of(node, facts))
-    return [Candidate("truth", None, Error(rounding, "bound", rounding), seconds)]
+    return [Candidate(TRUTH, None, Error(rounding, "bound", rounding), seconds)]
 
 
 def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> list[Candidate]:

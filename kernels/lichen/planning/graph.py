@@ -68,6 +68,8 @@ class Asked:
 
 
 FREE = Asked()
+TRUTH = "truth"
+"""The name of the candidate that is the definition itself, in doubles."""
 
 
 @dataclass(frozen=True, slots=True)

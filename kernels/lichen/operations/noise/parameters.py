@@ -11,7 +11,7 @@ from lichen.errors import Flaw
 from lichen.image import Extent
 from lichen.operation import Facts, InputFacts, OperationParameters
 
-Cell = Annotated[float, Field(gt=0, le=1e6)]
+Cell = Annotated[float, Field(ge=1e-6, le=1e6)]
 Place = Annotated[float, Field(ge=-1e12, le=1e12)]
 Level = Annotated[float, Field(ge=-1e6, le=1e6)]
 

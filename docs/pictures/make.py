@@ -1,0 +1,43 @@
+"""Makes the pictures of the README from the samples beside them, each by one pipeline as its text form says it.
+
+python docs/pictures/make.py [NAME ...]
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import lichen
+from lichen.files import decode, encode
+from lichen.image import Space, Storage
+
+HERE = Path(__file__).resolve().parent
+SAMPLES = HERE.parent / "samples"
+PICTURES = {
+    "blurred": ("gaussian:sigma=6", ("photo.jpg",)),
+    "flow": ("field:kind=gyre,width=640,height=640,time=2|lic:length=28,kernel=hann,contrast=0.25,colour=magma", ()),
+    "cells": ("worley_noise:width=640,height=640,cell=80,tile=true,fractal=none", ()),
+    "clouds": ("perlin_noise:width=640,height=640,cell=320,octaves=9,warp=90,tile=true|colour_map:map=magma", ()),
+    "tracks": ("field:kind=cylinder,width=640,height=640|streamlines:spacing=14,width=1.6,length=1000", ()),
+    "leaning": (
+        "homography:matrix=[[1,0.35,0],[0,0.8,40],[0,0.0011,1]],border=wrap,width=640,height=640",
+        ("photo.jpg",),
+    ),
+}
+
+
+def main() -> None:
+    for name in sys.argv[1:] or PICTURES:
+        text, inputs = PICTURES[name]
+        images = [decode((SAMPLES / each).read_bytes()) for each in inputs]
+        (result,) = lichen.run_pipeline(text, *images).values()
+        picture = result.image
+        shown = picture if picture.space is Space.SRGB else picture.replace(space=Space.SRGB)
+        encoded = encode(shown, "jpeg", storage=Storage.UINT8, quality=88)
+        (HERE / f"{name}.jpg").write_bytes(encoded.data)
+        print(f"{name}: {result.method}, {len(encoded.data) // 1024} kB", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
