@@ -145,7 +145,9 @@ def errors(operation: Operation[Any], number: int, size: int | None = None) -> l
     example = operation.examples[number]
     parameters = operation.validate(example)
     size = size or error_size(operation, parameters)
-    parameters = operation.sized(parameters, size, size)
+    if operation.generates:
+        example = {**example, "height": size, "width": size}
+    parameters = operation.validate(example)
     found: dict[Key, list[_Found]] = {}
     finest: Setting | None = None
     for case in cases(operation, parameters, size):

@@ -68,15 +68,20 @@ EXAMPLES = [
 def test_truth_of_tiles_is_the_truth(name: str, example: Mapping[str, Any]) -> None:
     """Of all tiles, so that interior, borders and corners are among them; the last ones are odd remainders."""
     operation = OPERATIONS[name]
-    inputs = inputs_of(operation, example)
+    try:
+        inputs = inputs_of(operation, example)
+    except AssertionError:
+        pytest.skip("the example asks for optional inputs")
     graph, sources = graph_of(operation, inputs, example), sources_of(inputs)
-    whole = exact(graph, sources)
     reach = verification._reach(graph, *SIZE)
-    if isinstance(reach, str):
-        assert (
-            operation.implied(graph.nodes[0].parameters, {"image": Facts(*SIZE, 3), "field": Facts(*SIZE, 2)}) == reach
-        )
+    facts = graph.facts()
+    if any((each.height, each.width) != SIZE for each in facts.values()):
+        assert isinstance(reach, str), "what changes its size has no tiles"
         return
+    if isinstance(reach, str):
+        assert operation.implied(graph.nodes[0].parameters, facts) == reach
+        return
+    whole = exact(graph, sources)
     for tile in tiles_of(SIZE, 12, 11):
         part = truth_of_tile(graph, sources, reach, tile)
         expected = whole[slice(*tile[0]), slice(*tile[1])]

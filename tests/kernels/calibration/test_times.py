@@ -89,7 +89,8 @@ def test_a_folder_that_cannot_be_is_no_error(folder: Path, monkeypatch: pytest.M
 
 
 def test_plans_use_what_was_measured() -> None:
-    image, slow, quick = np.zeros((64, 64), np.float32), Rate(5.0, 1e-3), Rate(1e-9, 1e-15)
+    image = np.random.default_rng(1).random((64, 64), np.float32)
+    slow, quick = Rate(5.0, 1e-3), Rate(1e-9, 1e-15)
     for name, other in (("fir", "dct"), ("dct", "fir")):
         times.store("numpy", {("gaussian", name): quick, ("gaussian", other): slow})
         plan = lichen.explain("gaussian", image, sigma=2.0, max_error=1e-3, device="numpy")

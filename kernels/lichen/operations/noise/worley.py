@@ -334,10 +334,11 @@ places, points straying all they may."""
 
 
 def _near_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    """A point beyond the first ring is more than 1 away, and what is taken for it no farther than the bound."""
+    """A point beyond the first ring is more than 1 away, and what is taken for it no farther than the bound; below a
+    bound of 1 nothing is missed."""
     exact = error(p, BASIS, 0.0, double=False)
-    first = bound(p.model_copy(update={"feature": Feature.F1})) - 1
-    missed = (bound(p) - 1 + (first if p.feature is Feature.F2_F1 else 0)) * 2 / bound(p)
+    first = max(bound(p.model_copy(update={"feature": Feature.F1})) - 1, 0.0)
+    missed = (max(bound(p) - 1, 0.0) + (first if p.feature is Feature.F2_F1 else 0)) * 2 / bound(p)
     if p.output is Output.DERIVATIVES or p.warp or p.fractal is Fractal.RIDGED:
         missed = 2.0
     missed = min(missed * factor(p), 2.0)
