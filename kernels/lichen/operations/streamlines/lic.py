@@ -84,7 +84,6 @@ lic = Operation(
     examples=(
         {"length": 10},
         {"length": 3.5, "kernel": "hann", "seed": 7, "border": "wrap", "sampling": "cubic"},
-        {"length": 4, "speed": "field", "scale": 2, "bias": 0.5, "kernel": "ripple", "frames": 3},
     ),
 )
 
