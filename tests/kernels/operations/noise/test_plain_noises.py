@@ -11,7 +11,6 @@ from scipy import stats
 import lichen
 from lichen.errors import InvalidRequest
 from lichen.hashing import keyed, pcg, pcg2d
-from lichen.operations.streamlines.lic import noise as texture_of_lic
 
 from . import by_hand
 
@@ -45,9 +44,12 @@ def test_words_of_a_lattice_are_evenly_spread_and_alike_in_nothing() -> None:
 
 
 def test_uniform_white_noise_is_the_texture_of_line_integrals() -> None:
+    field = np.stack(np.meshgrid(np.arange(37.0), np.arange(21.0)[::-1]), axis=-1).astype(np.float32)
     for device in ("opencl", "numpy"):
         pixels = lichen.run("white_noise", width=37, height=21, seed=9, device=device).image.pixels
-        assert np.array_equal(pixels, texture_of_lic(21, 37, 9))
+        own = lichen.run("lic", field, seed=9, length=4.0, device=device).image.pixels
+        given = lichen.run("lic", field, texture=pixels, length=4.0, device=device).image.pixels
+        assert np.array_equal(own, given)
 
 
 @pytest.mark.parametrize("distribution", ["uniform", "triangular"])
