@@ -7,7 +7,8 @@ is, with the same meaning.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import Any
 
 import lichen
@@ -53,7 +54,11 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
             "/v1/pipelines": _pipelines_path(),
             **{path_of(name): _path(each) for name, each in operations.items()},
         },
-        "components": {"schemas": {"Problem": _problem_schema()}, "responses": _responses()},
+        "components": {
+            "schemas": {"Problem": _problem_schema()},
+            "responses": _responses(),
+            "parameters": _shared_parameters(),
+        },
     }
 
 
@@ -117,7 +122,6 @@ def _accuracy_path(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
 
 
 def _pipelines_path() -> dict[str, Any]:
-    options = [_parameter(name, each, False) for name, each in options_schema()["properties"].items()]
     named = {"type": "object", "additionalProperties": {"type": "object"}}
     document = {"type": "object", "properties": {"nodes": named, "outputs": named}, "required": ["nodes"]}
     form = {
@@ -140,7 +144,7 @@ def _pipelines_path() -> dict[str, Any]:
             "summary": "Runs a graph of operations",
             "description": "Nodes by name, each an operation with parameters and inputs: other nodes, or input.NAME "
             "for a picture that is sent along. One output is answered as a picture, several as multipart/mixed.",
-            "parameters": [said, *(each for each in options if each["name"] != "method")],
+            "parameters": [said, *_references()],
             "requestBody": {
                 "content": {
                     **images,
@@ -154,30 +158,28 @@ def _pipelines_path() -> dict[str, Any]:
 
 
 def _path(operation: Operation[Any]) -> dict[str, Any]:
+    """GET and POST share their parameters; a name without a default is required where pixels are sent, and of a run."""
     name = operation.name
-    described: dict[str, Any] = {
-        "operationId": f"describe_{name}",
-        "summary": f"The declaration of {name}",
-        "tags": [operation.family],
-        "responses": {"200": _json_response("parameters, inputs, methods, limits"), "default": _reference("Problem")},
-    }
-    described["summary"] += "; with a query that names all images it needs, a run of it"
-    described["parameters"] = [{**each, "required": False} for each in _parameters(operation)]
-    described["responses"] = {
-        "200": _reference("Image"),
-        "304": _reference("Unchanged"),
-        "default": _reference("Problem"),
-    }
+    described = f"The declaration of {name}; with a query that names all images it needs, a run of it"
+    answers = {"200": _reference("Image"), "304": _reference("Unchanged"), "default": _reference("Problem")}
+    parameters = _parameters(operation)
+    required = [each for each in parameters if each.get("required")]
     return {
-        "get": described,
+        "parameters": [each if "$ref" in each else {**each, "required": False} for each in parameters],
+        "get": {
+            "operationId": f"describe_{name}",
+            "summary": described,
+            "tags": [operation.family],
+            "responses": answers,
+        },
         "post": {
             "operationId": name,
             "summary": operation.summary,
             "description": operation.description,
             "tags": [operation.family],
-            "parameters": _parameters(operation),
+            **({"parameters": required} if required else {}),
             "requestBody": _request_body(operation),
-            "responses": {"200": _reference("Image"), "304": _reference("Unchanged"), "default": _reference("Problem")},
+            "responses": answers,
         },
     }
 
@@ -187,13 +189,30 @@ def _parameters(operation: Operation[Any]) -> list[dict[str, Any]]:
     required = schema.get("required", [])
     declared = [_parameter(name, each, name in required) for name, each in schema.get("properties", {}).items()]
     knobs = [_knob(each) for each in operation.knobs.values()]
-    options = [_parameter(name, each, False) for name, each in options_schema()["properties"].items()]
-    for option in options:
-        if option["name"] == "method":
-            option["schema"] = {"type": "string", "enum": list(operation.methods)}
-        elif option["name"] == "format":
-            option["schema"] = {"type": "string", "enum": list(FORMATS)}
-    return [*declared, *knobs, *options, *(_asset(each) for each in operation.inputs)]
+    method = _named("method", operation.methods)
+    return [*declared, *knobs, method, *_references(), *(_asset(each) for each in operation.inputs)]
+
+
+@cache
+def _options() -> dict[str, Any]:
+    """What every request may ask for, by name."""
+    options: dict[str, Any] = options_schema()["properties"]
+    return options
+
+
+def _named(option: str, names: Iterable[str]) -> dict[str, Any]:
+    """An option that is one of some names."""
+    return {**_parameter(option, _options()[option], False), "schema": {"type": "string", "enum": list(names)}}
+
+
+def _shared_parameters() -> dict[str, Any]:
+    """Options that mean the same to every operation, by name."""
+    alike = {name: _parameter(name, each, False) for name, each in _options().items() if name != "method"}
+    return {**alike, "format": _named("format", FORMATS)}
+
+
+def _references() -> list[dict[str, str]]:
+    return [{"$ref": f"#/components/parameters/{name}"} for name in _options() if name != "method"]
 
 
 def _asset(declared: Input) -> dict[str, Any]:

@@ -336,6 +336,8 @@ def test_doctor_finds_a_format_that_alters_pictures(command: Lichen, monkeypatch
 
 def test_doctor_finds_a_method_that_is_wrong(command: Lichen, monkeypatch: pytest.MonkeyPatch) -> None:
     real = lichen.evaluate_truth
+    some = {name: operations()[name] for name in ("gaussian", "levels")}
+    monkeypatch.setattr("lichen.catalogue.operations", lambda: some)
     monkeypatch.setattr(lichen, "evaluate_truth", lambda *given, **values: real(*given, **values) + 0.5, raising=False)
     monkeypatch.setattr(doctor, "_formats", list)
     status, out, _ = command("doctor")
