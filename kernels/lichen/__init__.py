@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from lichen.image import Alpha, Image, Space, Storage
     from lichen.operation import Operation
     from lichen.planning.plan import Plan
+    from lichen.presets import texture, textures
 
 __version__ = "0.1.0"
 __all__ = [
@@ -33,12 +34,15 @@ __all__ = [
     "operations",
     "run",
     "run_pipeline",
+    "texture",
+    "textures",
 ]
 
 _HOMES = {
     "lichen.engine": ("Result", "evaluate_truth", "explain", "explain_pipeline", "run", "run_pipeline"),
     "lichen.image": ("Alpha", "Image", "Space", "Storage"),
     "lichen.planning.plan": ("Plan",),
+    "lichen.presets": ("texture", "textures"),
 }
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import lichen
 from lichen.files import FORMATS
 from lichen.operation import Input, Knob, Operation
+from lichen.presets import Size, textures
 from lichen_service.descriptions import accuracy_path_of, inlined, options_schema, path_of
 from lichen_service.openapi_storage import asset_paths, job_paths
 from lichen_service.routes.accuracy import FORMS as ACCURACY_FORMS
@@ -52,6 +53,7 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
             **job_paths(),
             accuracy_path_of("{name}"): _accuracy_path(operations),
             "/v1/pipelines": _pipelines_path(),
+            "/v1/textures/{name}": _texture_path(),
             **{path_of(name): _path(each) for name, each in operations.items()},
         },
         "components": {
@@ -65,6 +67,7 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
 def _fixed_paths() -> dict[str, Any]:
     json_paths = {
         "/v1/operations": ("listOperations", "The operations there are"),
+        "/v1/textures": ("listTextures", "Named pipelines of noises: marble, wood, clouds and others"),
         "/v1/accuracy": ("listAccuracy", "What one more digit costs, for every operation"),
         "/v1/limits": ("getLimits", "What one request may ask for"),
         "/v1/version": ("getVersion", "Versions of the engine, its device and its libraries"),
@@ -153,6 +156,19 @@ def _pipelines_path() -> dict[str, Any]:
                 }
             },
             "responses": {"200": _reference("Image"), "304": _reference("Unchanged"), "default": _reference("Problem")},
+        }
+    }
+
+
+def _texture_path() -> dict[str, Any]:
+    named = {"name": "name", "in": "path", "required": True, "schema": {"type": "string", "enum": list(textures())}}
+    fields = inlined(Size.model_json_schema())["properties"]
+    return {
+        "get": {
+            "operationId": "getTexture",
+            "summary": "The pipeline that makes a texture, as POST on /v1/pipelines takes it",
+            "parameters": [named, *(_parameter(name, each, False) for name, each in fields.items())],
+            "responses": {"200": _json_response("The pipeline"), "default": _reference("Problem")},
         }
     }
 
