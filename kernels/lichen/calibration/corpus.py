@@ -111,8 +111,8 @@ def _fields(operation: Operation[Any], kind: str, size: int) -> dict[str, Image]
 
 
 def _vectors(declared: Input, kind: str, size: int) -> Array:
-    """A field of the components that the input takes, of two where it may be; a third, as normals and positions have it,
-    completes vectors of the first two to a length of 1 where they are shorter."""
+    """A field of the components that the input takes, of two where it may be; a third, as normals have it, completes
+    vectors of the first two to a length of 1 where they are shorter."""
     fewest, most = declared.channels
     made = field(kind, size)
     if fewest <= 2:

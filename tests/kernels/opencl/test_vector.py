@@ -161,7 +161,7 @@ def test_reflectance_of_every_index(device: Device) -> None:
 
 
 def test_reflectance_at_its_ends(device: Device) -> None:
-    """No contrast reflects nothing, not even light that grazes; grazing light is reflected otherwise; published values."""
+    """No contrast reflects nothing, not even grazing light, all of which is reflected otherwise; published values."""
     c = np.array([0.0, 0.5, 1.0, 0.0, 0.0, 1.0, *np.cos(np.radians([30, 45, 60, 75, 80, 85, 89])), np.nan])
     n = np.array([1.0, 1.0, 1.0, 1.5, 0.7, 5.0, *[1.5] * 7, 1.5])
     found = evaluate(device, "fresnel", np.stack([c, c, c]), s=n)[0]
