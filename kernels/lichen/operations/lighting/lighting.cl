@@ -77,8 +77,10 @@ PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector
 {
     float16 square = vector_dot(way, way), apart = square + row[13];
     *l = vector_unit(way);
-    float16 strength = square > 0.0f ? 1.0f / sqrt(1.0f + row[13] / square) : square;
-    strength /= fma((float16)(row[16]), apart, fma((float16)(row[15]), sqrt(apart), (float16)(row[14])));
+    float16 falls = fma((float16)(row[16]), apart, (float16)(row[14]));
+    if (row[15] != 0.0f)
+        falls = fma((float16)(row[15]), sqrt(apart), falls);
+    float16 strength = 1.0f / (sqrt(1.0f + row[13] / square) * falls); // 0 on the lamp itself
     vector16 axis = same3(row + 10);
     if (row[17] != 0.0f) {
         float16 cosine = -vector_dot(axis, *l);
