@@ -288,7 +288,9 @@ def _single(inputs: Inputs, p: Parameters, fresnel: Fresnel | None) -> Array:
     return lit(pixels, _task(p, inputs, fresnel, single=True))
 
 
-@lighting.method("exact", error=_exact_error, work=_work, rates={"opencl": Rate(3e-4, 2e-9), "numpy": Rate(5e-4, 1.2e-7)})
+@lighting.method(
+    "exact", error=_exact_error, work=_work, rates={"opencl": Rate(3e-4, 2e-9), "numpy": Rate(5e-4, 1.2e-7)}
+)
 class Exact:
     """The formulas in float32, sixteen pixels at a time, lamp by lamp."""
 
