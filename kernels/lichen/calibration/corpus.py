@@ -107,11 +107,18 @@ def _led_by_picture(operation: Operation[Any]) -> bool:
 
 
 def _fields(operation: Operation[Any], kind: str, size: int) -> dict[str, Image]:
-    return {
-        each.name: as_image(aligned(field(kind, size)[..., : each.channels[1]]))
-        for each in operation.inputs
-        if each.required
-    }
+    return {each.name: as_image(_vectors(each, kind, size)) for each in operation.inputs if each.required}
+
+
+def _vectors(declared: Input, kind: str, size: int) -> Array:
+    """A field of the components that the input takes, of two where it may be; a third, as normals have it, completes
+    vectors of the first two to a length of 1 where they are shorter."""
+    fewest, most = declared.channels
+    made = field(kind, size)
+    if fewest <= 2:
+        return aligned(made[..., :most])
+    third = np.sqrt(np.maximum(1 - np.square(made.astype(np.float64)).sum(axis=-1, keepdims=True), 0))
+    return aligned(np.concatenate([made, third] + [made] * (fewest - 3), axis=-1)[..., :fewest])
 
 
 def _covered(operation: Operation[Any], parameters: OperationParameters, content: str, size: int) -> dict[str, Image]:
@@ -150,8 +157,7 @@ def _fitting(declared: Input, content: str, size: int, count: int = 3) -> Array:
     """The picture with `count` channels, or as near to it as the input takes."""
     fewest, most = declared.channels
     if not declared.picture:
-        vectors = field("smooth field", size)
-        return vectors if most is None or most >= 2 else aligned(vectors[..., :most])
+        return _vectors(declared, "smooth field", size)
     count = max(fewest, min(count, most or count))
     colours = picture(content, size)
     return aligned(np.concatenate([colours] * -(-count // 3), axis=2)[..., :count])
