@@ -1,0 +1,171 @@
+// Pixels lit by lamps, sixteen at a time; lighting.py is the definition, lamps.py and reflection.py say how.
+//
+// MODEL is the number of the model of reflection. Which inputs there are is said by their channels, 0 for none: a program
+// for every combination would take longer to build than it saves.
+#include "../compositing/planes.clh"
+#include "reflection.clh"
+
+#define ROW 40
+
+PLANE_FN vector16 load3(global const float *restrict in, int count)
+{
+    float16 v[3];
+    planes_load(in, 3, 3, count, v);
+    return vector(v[0], v[1], v[2]);
+}
+
+PLANE_FN vector16 same3(global const float *restrict n)
+{
+    return vector((float16)(n[0]), (float16)(n[1]), (float16)(n[2]));
+}
+
+// A colour, times that of the input if there is one.
+PLANE_FN vector16 colour3(global const float *restrict n, global const float *restrict in, int channels, int count)
+{
+    vector16 made = same3(n);
+    if (channels == 1) {
+        float16 grey = plane_load(in, 1, 0, count);
+        return vector_scale(made, grey);
+    }
+    if (channels == 3) {
+        vector16 v = load3(in, count);
+        return vector(made.x * v.x, made.y * v.y, made.z * v.z);
+    }
+    return made;
+}
+
+// place - position, the place given in two parts.
+PLANE_FN vector16 towards(global const float *restrict near, global const float *restrict rest, vector16 position)
+{
+    return vector((near[0] - position.x) + rest[0], (near[1] - position.y) + rest[1], (near[2] - position.z) + rest[2]);
+}
+
+// The slide where a point lies in its picture, between texels linearly, black around it and behind the lamp.
+PLANE_FN vector16 projected(global const float *restrict row, vector16 way, global const float *restrict slide, int channels,
+                            int wide, int high)
+{
+    vector16 axis = same3(row + 10);
+    float16 ahead = -vector_dot(axis, way);
+    float16 x = fma((float16)(wide), 0.5f - vector_dot(same3(row + 21), way) / ahead, (float16)(0.5f));
+    float16 y = fma((float16)(high), 0.5f - vector_dot(same3(row + 24), way) / ahead, (float16)(0.5f));
+    int16 inside = (ahead > 0.0f) & (x > 0.0f) & (y > 0.0f) & (x < wide + 1.0f) & (y < high + 1.0f);
+    float at_x[16], at_y[16], made[3][16];
+    int in[16];
+    vstore16(inside ? x : (float16)(0.0f), 0, at_x);
+    vstore16(inside ? y : (float16)(0.0f), 0, at_y);
+    vstore16(inside, 0, in);
+    for (int i = 0; i < 16; i++) {
+        int column = min((int)at_x[i], wide), row_of = min((int)at_y[i], high); // in the slide with a frame of one texel
+        float right = at_x[i] - column, below = at_y[i] - row_of;
+        for (int c = 0; c < 3; c++) {
+            float corner[4];
+            for (int k = 0; k < 4; k++) {
+                int u = column + (k & 1) - 1, v = row_of + (k >> 1) - 1;
+                int there = in[i] & -(u >= 0 & v >= 0 & u < wide & v < high);
+                corner[k] = there ? slide[((size_t)v * wide + u) * channels + c % channels] : 0.0f;
+            }
+            float upper = fma(right, corner[1] - corner[0], corner[0]);
+            float lower = fma(right, corner[3] - corner[2], corner[2]);
+            made[c][i] = fma(below, lower - upper, upper);
+        }
+    }
+    return vector(vload16(0, made[0]), vload16(0, made[1]), vload16(0, made[2]));
+}
+
+// The light that arrives, before the cosine at the surface, as a share of the lamp's colour; l becomes its direction.
+PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector16 *l)
+{
+    float16 square = vector_dot(way, way), apart = square + row[13];
+    *l = vector_unit(way);
+    float16 strength = square > 0.0f ? 1.0f / sqrt(1.0f + row[13] / square) : square;
+    strength /= fma((float16)(row[16]), apart, fma((float16)(row[15]), sqrt(apart), (float16)(row[14])));
+    vector16 axis = same3(row + 10);
+    if (row[17] != 0.0f) {
+        float16 cosine = -vector_dot(axis, *l);
+        strength *= num_max(cosine, (float16)(0.0f));
+    }
+    if (row[19] != 0.0f) {
+        vector16 off = vector_add(axis, *l);
+        float16 share = (row[18] - 0.5f * vector_dot(off, off)) * row[19];
+        share = num_clamp(share, (float16)(0.0f), (float16)(1.0f));
+        strength *= share * share * (3.0f - 2.0f * share);
+    }
+    return strength;
+}
+
+kernel void lighting(global const float *restrict normal, global const float *restrict position,
+                     global const float *restrict albedo, global const float *restrict specular,
+                     global const float *restrict roughness, global const float *restrict tangent,
+                     global const float *restrict visibility, global const float *restrict slide,
+                     global const int *restrict channels, int wide, int high, global const float *restrict rows,
+                     int lamps, global const float *restrict n, int distribution, int masking, int fresnel_kind,
+                     global float *restrict out, ulong pixels)
+{
+    ulong first = get_global_id(0) * (ulong)LANES;
+    if (first >= pixels)
+        return;
+    int count = (int)min((ulong)LANES, pixels - first);
+    bool placed = channels[0] != 0;
+    vector16 facing = vector_unit(load3(normal + first * 3, count)), place = facing, v = same3(n + 6);
+    if (placed) {
+        place = load3(position + first * 3, count);
+        v = n[9] != 0.0f ? vector_unit(towards(n, n + 3, place)) : v;
+    }
+    vector16 matt = colour3(n + 10, albedo + first * channels[1], channels[1], count);
+#if MODEL
+    vector16 shiny = colour3(n + 13, specular + first * channels[2], channels[2], count);
+    float16 rough = channels[3] ? plane_load(roughness + first, 1, 0, count) : (float16)(n[16]);
+    rough = num_clamp(rough, (float16)(n[17]), (float16)(1.0f));
+    Material s;
+    s.m = rough * rough;
+    s.exponent = n[18] > 0.0f ? (float16)(n[18]) : 2.0f / (s.m * s.m);
+    s.contrast = n[19];
+    s.straight = n[20];
+    s.stretch = n[21];
+    for (int i = 0; i < 3; i++)
+        s.lobe[i] = n[22 + i];
+    s.distribution = distribution;
+    s.masking = masking;
+    s.fresnel = fresnel_kind;
+    vector16 t = channels[4] ? vector_unit(load3(tangent + first * 3, count)) : same3(n + 25);
+#if MODEL != BANKS
+    vector16 across_n = vector_along(facing, -vector_dot(facing, t), t);
+    float16 square_across = vector_dot(across_n, across_n);
+    t = vector_scale(vector_unit(across_n), square_across < n[28] ? (float16)(0.0f) : (float16)(1.0f));
+#endif
+    float16 w = vector_dot(facing, v);
+#endif
+    vector16 total = vector((float16)(0.0f), (float16)(0.0f), (float16)(0.0f));
+    for (int lamp = 0; lamp < lamps; lamp++) {
+        global const float *restrict row = rows + lamp * ROW;
+        vector16 l = same3(row + 4), light = same3(row + 1);
+        if (row[0] != 0.0f) {
+            vector16 way = towards(row + 4, row + 7, place);
+            light = vector_scale(light, arriving(row, way, &l));
+            if (row[20] != 0.0f && channels[6]) {
+                vector16 seen = projected(row, way, slide, channels[6], wide, high);
+                light = vector(light.x * seen.x, light.y * seen.y, light.z * seen.z);
+            }
+        }
+        if (channels[5]) {
+            int which = channels[5] == 1 ? 0 : (int)row[27];
+            light = vector_scale(light, plane_load(visibility + first * channels[5], channels[5], which, count));
+        }
+        float16 u = vector_dot(facing, l), diffuse = u > 0.0f ? u : u - u;
+#if MODEL == BANKS
+        vector16 across = vector_cross(l, t);
+        diffuse = vector_dot(t, t) > 0.0f ? diffuse * sqrt(vector_dot(across, across)) : diffuse;
+#endif
+        vector16 sent = vector_scale(matt, diffuse);
+#if MODEL
+        sent = vector_along(shiny, highlight(s, facing, l, v, t, u, w), sent);
+#endif
+        total = vector(fma(light.x, sent.x, total.x), fma(light.y, sent.y, total.y), fma(light.z, sent.z, total.z));
+    }
+    float16 spoilt = v.x - v.x;
+    float16 made[3] = {total.x + spoilt, total.y + spoilt, total.z + spoilt};
+    int16 nowhere = (fabs(place.x) == INFINITY) | (fabs(place.y) == INFINITY) | (fabs(place.z) == INFINITY);
+    for (int c = 0; c < 3 && placed; c++)
+        made[c] = nowhere ? (float16)(0.0f) : made[c];
+    planes_store(made, out + first * 3, 3, count);
+}
