@@ -207,7 +207,7 @@ kernel void gbuffer(global float *restrict out, global const double *restrict ey
             for (int c = 0; c < 3; c++)
                 v[c] = odd ? made_of(materials, count, index, 3 + c) : made_of(materials, count, index, c);
         } else if (BUFFER == ROUGHNESS)
-            v[0] = made_of(materials, count, index, 7);
+            v[0] = hit ? made_of(materials, count, index, 7) : (double8)(1.0);
         else if (BUFFER == MASK)
             v[0] = made_of(materials, count, index, 8);
         else if (BUFFER == HEIGHT)

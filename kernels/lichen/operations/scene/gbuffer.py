@@ -8,7 +8,7 @@ Truth: along the ray of every pixel's middle (see `lichen.operations.scene.camer
     position   x, y and z in the `frame`'s axes, those of the camera or of the world; +inf
     normal     its unit normal on the side that is seen; 0 0 0
     albedo     what it reflects, linear light; 0
-    roughness  0 to 1; 0
+    roughness  0 to 1; 1
     mask       the number of its material; 0
     height     y in the world; 0
     motion     how far its point has moved in the picture since the frame before, px, x right, y down; 0
@@ -119,7 +119,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
             max((max(*each.albedo, *(each.checker or ())) for each in p.objects), default=0.0) * (1 + 1e-6),
         ),
         Buffer.MASK: (0.0, float(max((each.id for each in p.objects), default=0))),
-        Buffer.ROUGHNESS: (0.0, 1.0),
+        Buffer.ROUGHNESS: (min((each.roughness for each in p.objects), default=1.0) * (1 - 1e-6), 1.0),
         Buffer.EMISSIVE: (0.0, 1.0),
         Buffer.MOTION: (-FLOAT_MAX, FLOAT_MAX),
     }.get(p.buffer, (-apart, apart))
@@ -217,10 +217,12 @@ def _seen(p: Parameters, rows: slice) -> Array:
                 made = _albedo(made_of, hits, point)
             case Buffer.HEIGHT:
                 made = [np.where(hits.index >= 0, point[1], 0.0)]
+            case Buffer.ROUGHNESS:
+                made = [np.where(hits.index >= 0, _of_materials(made_of, hits, 7), 1.0)]
             case Buffer.MOTION:
                 made = _motion(p, made_of, hits, point)
             case _:
-                at = {Buffer.ROUGHNESS: 7, Buffer.MASK: 8, Buffer.EMISSIVE: 9}[p.buffer]
+                at = {Buffer.MASK: 8, Buffer.EMISSIVE: 9}[p.buffer]
                 made = [_of_materials(made_of, hits, at)]
         return np.stack(made, axis=-1).astype(np.float32)
 
