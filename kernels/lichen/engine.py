@@ -272,8 +272,13 @@ def prepare_scene(
     from lichen.scene.description import read
     from lichen.scene.lowering import lower
 
-    lowered = lower(read(scene), prune=bool(wishes.get("prune", True)))
-    given = dict(images or {})
+    said = read(scene)
+    unknown = [name for name in images or () if name not in said.names]
+    if unknown:
+        flaws = [Flaw(f"/inputs/{name}", f"is not read; {nearest(name, said.names)}") for name in unknown]
+        raise InvalidRequest("The scene reads no such pictures.", flaws)
+    lowered = lower(said, prune=bool(wishes.get("prune", True)))
+    given = {name: image for name, image in (images or {}).items() if name in lowered.pipeline.inputs}
     try:
         return _prepared(
             lambda backend: read_pipeline_order(lowered.pipeline, given, wishes, backend), device, lowered.decisions

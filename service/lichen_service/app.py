@@ -46,6 +46,8 @@ from lichen_service.routes.jobs import wants_a_job
 from lichen_service.routes.pipelines import PATH as PIPELINES
 from lichen_service.routes.pipelines import Pipelines
 from lichen_service.routes.running import Running
+from lichen_service.routes.scenes import PATH as SCENES
+from lichen_service.routes.scenes import Scenes
 from lichen_service.routes.system import System
 from lichen_service.routing import Match, Route, find
 from lichen_service.settings import SHARED, Settings
@@ -76,7 +78,7 @@ class Service:
         self._described = described = Catalogue(settings)
         system, accuracy = System(settings, self.readiness), Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
-        pipelines = Pipelines(settings, self._running)
+        pipelines, scenes = Pipelines(settings, self._running), Scenes(settings, self._running)
         self.jobs = _jobs(settings, self.assets, self.handle, check)
         self.metrics = Metrics(catalogue.operations())
         self.routes: tuple[Route, ...] = (
@@ -85,6 +87,7 @@ class Service:
             Route("/v1/operations", {"GET": described.list}),
             Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, None, check, "run"),
             Route(PIPELINES, dict.fromkeys(("POST", "QUERY"), pipelines.run), True, None, pipelines.check, "run"),
+            Route(SCENES, dict.fromkeys(("POST", "QUERY"), scenes.run), True, None, scenes.check, "run"),
             Route(ASSETS, {"PUT": stored.put}, True, readable(), scope="assets"),
             Route(f"{ASSETS}/{{name}}", {"GET": stored.get, "DELETE": stored.delete}, scope="assets"),
             Route("/v1/accuracy", {"GET": accuracy.list}),

@@ -133,6 +133,12 @@ class Scene(OperationParameters):
     """picture; light: without fog and background; or a buffer: depth, position, normal, albedo"""
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Pictures that it may read, by the names that they are sent under."""
+        maps = [each.shadow.map for each in self.lights if each.shadow is not None and each.shadow.map is not None]
+        return tuple(dict.fromkeys([*self.buffers.given.values(), *maps]))
+
+    @property
     def everything_given(self) -> bool:
         """Whether buffers stand in place of objects."""
         return bool(self.buffers.given)
