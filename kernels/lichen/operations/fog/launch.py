@@ -9,6 +9,7 @@ sides the integral of all layers and the density beyond them, 25 the optical dep
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -77,19 +78,32 @@ def _padded(x: Array) -> Array:
     return np.append(x, np.full(15, x[-1]))
 
 
+@lru_cache(maxsize=64)
+def _constants(
+    p: Parameters, height: int, width: int, colours: int, entries: int
+) -> tuple[tuple[Array, ...], int, int]:
+    """Numbers, colour, layers or table, x and y, and segments above and below; kept, since frames ask for the same."""
+    sides = p.column.sides if p.kind is Kind.LAYERED else (np.zeros((1, 4)),) * 2
+    layers = table_of(p, entries) if entries else np.concatenate(sides).astype(np.float32)
+    x, y = rays(p, height, width)
+    made = (
+        aligned(numbers(p, entries), np.float64), aligned(np.array(p.light(colours))), aligned(layers),
+        aligned(_padded(x.ravel()), np.float64), aligned(y.ravel(), np.float64),
+    )  # fmt: skip
+    return made, len(sides[0]), len(sides[1])
+
+
 def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) -> Array:
     """The picture through fog; `entries` of a table, or 0 for the formulas."""
     image = inputs["image"]
     height, width = image.height, image.width
     where = inputs["depth"]
     pixels, out = aligned(image.pixels), aligned_empty(image.pixels.shape)
-    sides = p.column.sides if p.kind is Kind.LAYERED else (np.zeros((1, 4)),) * 2
-    layers = table_of(p, entries) if entries else np.concatenate(sides).astype(np.float32)
-    x, y = rays(p, height, width)
+    constants, above, below = _constants(p, height, width, image.colours, entries)
     kind = list(DepthKind).index(p.depth_kind)
     choices = (
         "emissive" in inputs, min(kind, 2), p.distance is Distance.PLANAR, p.background is Background.KEEP,
-        len(sides[0]), len(sides[1]), entries, width, height,
+        above, below, entries, width, height,
     )  # fmt: skip
     defines: dict[str, int | float | str] = {
         "CHANNELS": image.channels, "COVERAGE": int(image.alpha is not Alpha.NONE), "TABLE": int(entries > 0),
@@ -100,9 +114,7 @@ def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) ->
             "fog/fog.cl", "fog", (height * -(-width // SEGMENT),),
             pixels, aligned(where.pixels if pointed(where) else where.pixels[..., :1]),
             aligned(inputs["emissive"].pixels) if "emissive" in inputs else pixels, session.write(out),
-            aligned(numbers(p, entries), np.float64), aligned(np.array(p.light(image.colours))),
-            aligned(layers), aligned(_padded(x.ravel()), np.float64), aligned(y.ravel(), np.float64),
-            *(np.int32(each) for each in choices),
+            *constants, *(np.int32(each) for each in choices),
             defines=defines,
         )  # fmt: skip
     return out

@@ -11,6 +11,7 @@ Source: M. Pharr, W. Jakob, G. Humphreys, Physically based rendering, 4th editio
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
@@ -50,9 +51,7 @@ class Camera(OperationParameters):
 
     def axes(self) -> Array:
         """Rows right, up and back, orthonormal; float64 (3, 3). Takes directions of the world to the camera's axes."""
-        back = _unit(np.subtract(self.eye, self.target))
-        right = _unit(np.cross(_unit(np.array(self.up, np.float64)), back))
-        return np.stack([right, np.cross(back, right), back])
+        return _axes(self.eye, self.target, self.up)
 
     @property
     def scale(self) -> float:
@@ -75,6 +74,15 @@ class Camera(OperationParameters):
         u = width / 2 * w + per * moved[0]
         v = height / 2 * w - per * moved[1]
         return np.stack([u, v, depth, w])
+
+
+@lru_cache(maxsize=256)
+def _axes(eye: Vector, target: Vector, up: Vector) -> Array:
+    back = _unit(np.subtract(eye, target))
+    right = _unit(np.cross(_unit(np.array(up, np.float64)), back))
+    made = np.stack([right, np.cross(back, right), back])
+    made.flags.writeable = False
+    return made
 
 
 def _unit(vector: Array) -> Array:

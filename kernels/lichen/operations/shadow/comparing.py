@@ -74,7 +74,8 @@ def receivers(inputs: Inputs, p: Parameters, rows: slice) -> Receivers:
     light, (height, width) = p.light, (depths.height, depths.width)
     matrix = light.to_pixels(height, width)
     a, b, deep, w = (((m[0] * x + m[1] * y) + m[2] * z) + m[3] for m in matrix)
-    u, v = a / w, b / w
+    per = 1 / w
+    u, v = a * per, b * per
     quantum = QUANTUM * (((np.abs(x) + np.abs(y)) + np.abs(z)) + sum(map(abs, p.light_eye)))
     bend = np.full_like(deep, BEND * (2 * light.scale / height))
     bend = bend * deep if light.extent is None else bend

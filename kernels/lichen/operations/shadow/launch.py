@@ -10,6 +10,7 @@ filter's side.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,8 +29,9 @@ SEGMENT = 64
 SAMPLED = 4
 
 
+@lru_cache(maxsize=64)
 def numbers(p: Parameters, height: int, width: int, stored: Stored) -> Array:
-    """The kernel's doubles, for a map of this size."""
+    """The kernel's doubles, for a map of this size; kept, since frames of one scene ask for the same."""
     light, made = p.light, np.zeros(47)
     texel = 2 * light.scale / height
     made[:16] = light.to_pixels(height, width).ravel()
@@ -48,7 +50,14 @@ def numbers(p: Parameters, height: int, width: int, stored: Stored) -> Array:
         scale, (a, b) = window_terms(p)
         made[43:46] = scale, a, b
     made[46] = p.filter
-    return made
+    return aligned(made, np.float64)
+
+
+@lru_cache(maxsize=64)
+def _rays(p: Parameters, height: int, width: int) -> tuple[Array, Array]:
+    """x of every column and seven more, y of every row; nothing that is read where points are given."""
+    x, y = rays(p, height, width)
+    return aligned(np.append(x, np.full(7, x[0, -1])), np.float64), aligned(y.ravel(), np.float64)
 
 
 def launched(
@@ -58,7 +67,7 @@ def launched(
     where, depths = inputs["depth"], inputs["map"]
     height, width = where.height, where.width
     out = aligned_empty((height, width, 1))
-    x, y = rays(p, height, width)
+    x, y = _rays(p, height, width)
     kind = 0 if p.filter == 0 else 1 + list(Kind).index(p.kind) if places is None else SAMPLED
     count = math.ceil(p.filter) + 1 if places is None else len(places)
     defines: dict[str, int | float | str] = {
@@ -72,9 +81,9 @@ def launched(
             "shadow/shadow.cl", "shadow", (height * -(-width // SEGMENT),),
             receivers, aligned(inputs["normal"].pixels) if "normal" in inputs else receivers,
             aligned(depths.pixels[..., :1]), session.write(out),
-            aligned(numbers(p, depths.height, depths.width, stored), np.float64),
+            numbers(p, depths.height, depths.width, stored),
             aligned(np.zeros((1, 2)) if places is None else places, np.float64),
-            aligned(np.append(x, np.full(7, x[0, -1])), np.float64), aligned(y.ravel(), np.float64),
+            x, y,
             np.int32(min(list(DepthKind).index(p.depth_kind), 2)), np.int32(count),
             np.int32(depths.width), np.int32(depths.height), np.int32(width), np.int32(height),
             defines=defines,

@@ -15,6 +15,7 @@
 #define SEGMENT 64
 #define LANES 8
 #define MARGIN 64.0
+#define MOST 33 // texels across the widest filter
 #define QUANTUM 0x1p-21
 #define FN static inline __attribute__((always_inline))
 #define ZERO ((double8)(0.0))
@@ -30,11 +31,15 @@ typedef struct {
 
 FN triple three(global const float *restrict in, int count)
 {
-    double lane[3][LANES];
-    for (int i = 0; i < LANES; i++)
-        for (int c = 0; c < 3; c++)
-            lane[c][i] = i < count ? in[i * 3 + c] : 0.0f;
-    return (triple){vload8(0, lane[0]), vload8(0, lane[1]), vload8(0, lane[2])};
+    float lane[3 * LANES];
+    if (count < LANES)
+        for (int i = 0; i < 3 * LANES; i++)
+            lane[i] = i < 3 * count ? in[i] : 0.0f;
+    float8 a = count < LANES ? vload8(0, lane) : vload8(0, in), b = count < LANES ? vload8(1, lane) : vload8(1, in);
+    float8 c = count < LANES ? vload8(2, lane) : vload8(2, in);
+    return (triple){convert_double8((float8)(a.s0, a.s3, a.s6, b.s1, b.s4, b.s7, c.s2, c.s5)),
+                    convert_double8((float8)(a.s1, a.s4, a.s7, b.s2, b.s5, c.s0, c.s3, c.s6)),
+                    convert_double8((float8)(a.s2, a.s5, b.s0, b.s3, b.s6, c.s1, c.s4, c.s7))};
 }
 
 FN double8 one(global const float *restrict in, int count)
@@ -54,7 +59,8 @@ FN double8 dot_of(global const double *restrict a, triple p) { return (p.x * a[0
 FN double8 depths(light_map map, double8 i, double8 j, double8 *step)
 {
     long8 inside = (i >= 0.0) & (i < (double)map.width) & (j >= 0.0) & (j < (double)map.height);
-    int8 column = convert_int8(inside ? i : ZERO), row = convert_int8(inside ? j : ZERO);
+    bool whole = all(inside);
+    int8 column = convert_int8(whole ? i : (inside ? i : ZERO)), row = convert_int8(whole ? j : (inside ? j : ZERO));
     int at[LANES];
     float lane[LANES];
     vstore8(row * map.width + column, 0, at);
@@ -118,11 +124,13 @@ FN double8 shares(double8 low, double8 high, double k, double8 *i)
 
 FN double8 averaged(light_map map, receiver r, double8 side, int count)
 {
-    double8 half_side = side * 0.5, total = ZERO, i, j, step;
+    double8 half_side = side * 0.5, total = ZERO, j, step, across[MOST], at[MOST];
+    for (int column = 0; column < count; column++)
+        across[column] = shares(r.u - half_side, r.u + half_side, column, at + column);
     for (int row = 0; row < count; row++) {
         double8 b = shares(r.v - half_side, r.v + half_side, row, &j);
         for (int column = 0; column < count; column++) {
-            double8 weight = shares(r.u - half_side, r.u + half_side, column, &i) * b;
+            double8 weight = across[column] * b, i = at[column];
             if (!any(weight > 0.0))
                 continue;
             double8 m = depths(map, i, j, &step);
@@ -221,7 +229,7 @@ kernel void shadow(global const float *restrict where, global const float *restr
         triple p = {x * z, y * z, -z};
 #endif
         receiver r;
-        double8 w = row_of(n + 12, p), u = row_of(n, p) / w, v = row_of(n + 4, p) / w;
+            double8 w = row_of(n + 12, p), per = 1.0 / w, u = row_of(n, p) * per, v = row_of(n + 4, p) * per;
         r.z = row_of(n + 8, p);
         r.quantum = QUANTUM * (((fabs(p.x) + fabs(p.y)) + fabs(p.z)) + n[41]);
         double8 missing = (double8)(n[42]);
