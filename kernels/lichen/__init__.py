@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING, Any
 importlib.import_module("lichen.operations")  # before the function below takes its name in this namespace
 
 if TYPE_CHECKING:
-    from lichen.engine import Result, evaluate_truth, explain, explain_pipeline, run, run_pipeline
+    from lichen.engine import (
+        Result,
+        evaluate_truth,
+        explain,
+        explain_pipeline,
+        explain_scene,
+        render,
+        run,
+        run_pipeline,
+    )
     from lichen.image import Alpha, Image, Space, Storage
     from lichen.operation import Operation
     from lichen.planning.plan import Plan
@@ -31,7 +40,9 @@ __all__ = [
     "evaluate_truth",
     "explain",
     "explain_pipeline",
+    "explain_scene",
     "operations",
+    "render",
     "run",
     "run_pipeline",
     "texture",
@@ -39,7 +50,16 @@ __all__ = [
 ]
 
 _HOMES = {
-    "lichen.engine": ("Result", "evaluate_truth", "explain", "explain_pipeline", "run", "run_pipeline"),
+    "lichen.engine": (
+        "Result",
+        "evaluate_truth",
+        "explain",
+        "explain_pipeline",
+        "explain_scene",
+        "render",
+        "run",
+        "run_pipeline",
+    ),
     "lichen.image": ("Alpha", "Image", "Space", "Storage"),
     "lichen.planning.plan": ("Plan",),
     "lichen.presets": ("texture", "textures"),

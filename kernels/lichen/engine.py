@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from lichen.planning.graph import RESULT, Decision, Graph
 from lichen.planning.pipeline import Pipeline
 from lichen.planning.plan import Plan, make_plan
 from lichen.verification import Verification, verify
+
+if TYPE_CHECKING:
+    from lichen.scene.description import Scene
 
 log = logging.getLogger("lichen")
 
@@ -155,6 +158,38 @@ def run_pipeline(
     return prepare_pipeline(pipeline, image, images=images, device=device, **wishes).run()
 
 
+def render(
+    scene: Scene | Mapping[str, Any] | str,
+    /,
+    *,
+    images: Mapping[str, Picture] | None = None,
+    device: str | None = None,
+    **wishes: Any,
+) -> Result:
+    """Render a scene (`lichen.scene.description`): a mapping or its JSON. `images` holds its buffers by their names.
+
+    `wishes` are those of `run`. With `prune=False` effects that cannot be seen are computed, too. Raises as `run`.
+
+    >>> ball = {"shape": "sphere", "centre": [0, 0, -4]}
+    >>> render({"objects": [ball], "lights": [{}], "camera": {"width": 32, "height": 24}}).image.pixels.shape
+    (24, 32, 3)
+    """
+    (result,) = prepare_scene(scene, images=images, device=device, **wishes).run().values()
+    return result
+
+
+def explain_scene(
+    scene: Scene | Mapping[str, Any] | str,
+    /,
+    *,
+    images: Mapping[str, Picture] | None = None,
+    device: str | None = None,
+    **wishes: Any,
+) -> Plan:
+    """The plan that `render` with the same arguments would follow. No pixel is computed."""
+    return prepare_scene(scene, images=images, device=device, **wishes).plan
+
+
 def explain(name: str, image: Picture | None = None, /, *, device: str | None = None, **arguments: Any) -> Plan:
     """The plan that `run` with the same arguments would follow. No pixel is computed; ranges of inputs are measured."""
     return prepare(name, image, device=device, **arguments).plan
@@ -225,6 +260,33 @@ def prepare_pipeline(
     return _prepared(lambda backend: read_pipeline_order(pipeline, given, wishes, backend), device)
 
 
+def prepare_scene(
+    scene: Scene | Mapping[str, Any] | str,
+    /,
+    *,
+    images: Mapping[str, Picture] | None = None,
+    device: str | None = None,
+    **wishes: Any,
+) -> Prepared:
+    """What `render` with the same arguments would carry out."""
+    from lichen.scene.description import read
+    from lichen.scene.lowering import lower
+
+    said = read(scene)
+    unknown = [name for name in images or () if name not in said.names]
+    if unknown:
+        flaws = [Flaw(f"/inputs/{name}", f"is not read; {nearest(name, said.names)}") for name in unknown]
+        raise InvalidRequest("The scene reads no such pictures.", flaws)
+    lowered = lower(said, prune=bool(wishes.get("prune", True)))
+    given = {name: image for name, image in (images or {}).items() if name in lowered.pipeline.inputs}
+    try:
+        return _prepared(
+            lambda backend: read_pipeline_order(lowered.pipeline, given, wishes, backend), device, lowered.decisions
+        )
+    except InvalidRequest as invalid:
+        raise InvalidRequest(invalid.detail, lowered.relocated(invalid.flaws)) from None
+
+
 def _named(image: Picture | None, images: Mapping[str, Picture] | None) -> dict[str, Picture]:
     given = dict(images or {})
     if image is not None and given.setdefault("image", image) is not image:
@@ -251,14 +313,16 @@ def _backend(device: Device | None) -> str:
     return "opencl" if device else "numpy"
 
 
-def _prepared(read: Callable[[str], Order], named: str | None) -> Prepared:
+def _prepared(read: Callable[[str], Order], named: str | None, decided: tuple[Decision, ...] = ()) -> Prepared:
+    """A plan for the order that `read` makes for a backend; `decided` is what was left out before there was a graph."""
+
     def on(device: Device | None) -> Prepared:
         started = time.perf_counter()
         order = read(_backend(device))
         facts = {key: Facts.of(_measured(value, device)) for key, value in order.images.items()}
         order.refuse_flaws(facts)
         request = dataclasses.replace(order.request, rates=times.current(order.request.backend))
-        plan = make_plan(Graph(facts, order.nodes, order.outputs, precision=order.precision), request)
+        plan = make_plan(Graph(facts, order.nodes, order.outputs, decided, order.precision), request)
         return Prepared(order, plan, time.perf_counter() - started, device, None if named else on)
 
     found = select_device(named)

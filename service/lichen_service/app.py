@@ -46,6 +46,8 @@ from lichen_service.routes.jobs import wants_a_job
 from lichen_service.routes.pipelines import PATH as PIPELINES
 from lichen_service.routes.pipelines import Pipelines
 from lichen_service.routes.running import Running
+from lichen_service.routes.scenes import PATH as SCENES
+from lichen_service.routes.scenes import Scenes
 from lichen_service.routes.system import System
 from lichen_service.routes.textures import PATH as TEXTURES
 from lichen_service.routes.textures import Textures
@@ -78,7 +80,11 @@ class Service:
         self._described = described = Catalogue(settings)
         system, accuracy = System(settings, self.readiness), Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
+<<<<<<< HEAD
         pipelines, textures = Pipelines(settings, self._running), Textures()
+=======
+        pipelines, scenes = Pipelines(settings, self._running), Scenes(settings, self._running)
+>>>>>>> shadow
         self.jobs = _jobs(settings, self.assets, self.handle, check)
         self.metrics = Metrics(catalogue.operations())
         self.routes: tuple[Route, ...] = (
@@ -87,8 +93,12 @@ class Service:
             Route("/v1/operations", {"GET": described.list}),
             Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, None, check, "run"),
             Route(PIPELINES, dict.fromkeys(("POST", "QUERY"), pipelines.run), True, None, pipelines.check, "run"),
+<<<<<<< HEAD
             Route(TEXTURES, {"GET": textures.list}),
             Route(f"{TEXTURES}/{{name}}", {"GET": textures.one}),
+=======
+            Route(SCENES, dict.fromkeys(("POST", "QUERY"), scenes.run), True, None, scenes.check, "run"),
+>>>>>>> shadow
             Route(ASSETS, {"PUT": stored.put}, True, readable(), scope="assets"),
             Route(f"{ASSETS}/{{name}}", {"GET": stored.get, "DELETE": stored.delete}, scope="assets"),
             Route("/v1/accuracy", {"GET": accuracy.list}),

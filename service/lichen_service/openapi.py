@@ -15,6 +15,7 @@ import lichen
 from lichen.files import FORMATS
 from lichen.operation import Input, Knob, Operation
 from lichen.presets import Size, textures
+from lichen.scene.description import Scene
 from lichen_service.descriptions import accuracy_path_of, inlined, options_schema, path_of
 from lichen_service.openapi_storage import asset_paths, job_paths
 from lichen_service.routes.accuracy import FORMS as ACCURACY_FORMS
@@ -53,6 +54,7 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
             **job_paths(),
             accuracy_path_of("{name}"): _accuracy_path(operations),
             "/v1/pipelines": _pipelines_path(),
+            "/v1/scenes": _scenes_path(),
             "/v1/textures/{name}": _texture_path(),
             **{path_of(name): _path(each) for name, each in operations.items()},
         },
@@ -158,6 +160,31 @@ def _pipelines_path() -> dict[str, Any]:
             "responses": {"200": _reference("Image"), "304": _reference("Unchanged"), "default": _reference("Problem")},
         }
     }
+
+
+def _scenes_path() -> dict[str, Any]:
+    """As that of pipelines, with a scene for the document."""
+    made = _pipelines_path()
+    post = made["post"]
+    said, *options = post["parameters"]
+    document = inlined(Scene.model_json_schema())
+    form = {
+        "type": "object",
+        "properties": {"scene": document},
+        "additionalProperties": {"type": "string", "format": "binary"},
+    }
+    post |= {
+        "operationId": "renderScene",
+        "summary": "Renders a scene, with only those effects that can be seen",
+        "description": "A camera, objects or buffers that are sent along by name, lights with their shadows, fog and a "
+        "background. explain=true tells which effects would run, and why the others would not.",
+        "parameters": [{**said, "name": "scene", "description": "the scene as JSON"}, *options],
+    }
+    post["requestBody"]["content"] |= {
+        "application/json": {"schema": document},
+        FORM: {"schema": form, "encoding": {"scene": {"contentType": "application/json"}}},
+    }
+    return made
 
 
 def _texture_path() -> dict[str, Any]:

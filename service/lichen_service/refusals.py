@@ -145,8 +145,15 @@ def relocated() -> Iterator[None]:
         raise
 
 
+_OWN = (
+    "parameters", "inputs", "query", "nodes", "outputs", "pipeline",
+    "scene", "camera", "objects", "buffers", "lights", "ambient", "surface", "fog", "background", "output",
+)  # fmt: skip
+"""What documents and pictures are made of: places that are the request's own."""
+
+
 def _relocated(pointer: str) -> str:
     head, _, rest = pointer.removeprefix("/").partition("/")
     if head == "knobs":
         return f"/parameters/{rest}"
-    return pointer if head in ("parameters", "inputs", "query", "nodes", "outputs", "pipeline") else f"/query{pointer}"
+    return pointer if head in _OWN else f"/query{pointer}"

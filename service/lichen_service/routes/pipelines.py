@@ -12,14 +12,16 @@ One output leaves as a picture like any result; several leave as multipart/mixed
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from lichen import engine
-from lichen.engine import Result
+from lichen.engine import Prepared, Result
 from lichen.errors import Flaw, InvalidRequest, nearest
 from lichen.files import FORMATS, encode, probe
 from lichen.image import Alpha, Image, Space, Storage
+from lichen.operation import Facts
 from lichen.order import read_pipeline_order
 from lichen.planning.pipeline import Pipeline, escaped, nodes_of, read
 from lichen_service import mixed, queries, uploads
@@ -43,7 +45,25 @@ OF_ONE = ("Lichen-Error", "Lichen-Nonfinite", "Lichen-Space", "Lichen-Clipped", 
 """What of the account belongs to a single output."""
 
 
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A document as it was understood."""
+
+    pipeline: Pipeline
+    names: tuple[str, ...]
+    """pictures that it may read"""
+    prepare: Callable[[Mapping[str, Delivery], Mapping[str, Image], dict[str, Any]], Prepared]
+    """the work for these forms, pictures and wishes"""
+    relocated: Callable[[Iterable[Flaw]], list[Flaw]] = list
+    """flaws of the pipeline, told as its author wrote the document"""
+    shown: bool = False
+    """whether its results are light, made to be looked at: as display values where a file holds whole numbers"""
+
+
 class Pipelines:
+    document = DOCUMENT
+    """the name of the document in the query and among the parts of a form"""
+
     def __init__(self, settings: Settings, running: Running) -> None:
         self._settings = settings
         self._running = running
@@ -51,16 +71,17 @@ class Pipelines:
     def run(self, request: Request, name: str) -> Response:
         """One run of a pipeline."""
         stages = Stages(request.head, self._settings.request_timeout)
-        pipeline, options, given = self._read(request)
+        told, options, given = self._read(request)
+        pipeline = told.pipeline
+        given = {name: each for name, each in given.items() if name in pipeline.inputs}
         digests = self._running.digests(given)
         with stages.stage("decode"):
             images = self._running.decode(given)
         with relocated():
-            deliveries = _deliveries(pipeline, options, request.head, given, images, self._settings)
-            wanted = _delivered(pipeline, deliveries)
+            deliveries = _deliveries(told, options, request.head, given, images, self._settings)
             wishes = wishes_of(options, self._settings)
             with stages.stage("plan"):
-                prepared = engine.prepare_pipeline(wanted, images=images, **wishes)
+                prepared = told.prepare(deliveries, images, wishes)
             if options.explain:
                 return _explained(prepared.plan.to_json(), deliveries, stages)
             reserve(prepared.plan.peak_bytes)
@@ -78,7 +99,7 @@ class Pipelines:
                 timing = next(iter(results.values())).timing
                 stages.split("run", {name: taken for name, taken in timing.items() if name != "plan"})
                 with stages.stage("encode"):
-                    response = _answer(results, deliveries, parts)
+                    response = _answer(self.document, results, deliveries, parts)
                 response.headers |= {
                     "Content-Digest": content_digest(response.body),
                     "Cache-Control": "no-cache",
@@ -94,13 +115,26 @@ class Pipelines:
         """Raises all that can be seen to be wrong with a run before anything is decoded."""
         self._read(request)
 
-    def _read(self, request: Request) -> tuple[Pipeline, Options, Uploads]:
-        """Pipeline, options and uploads. Raises what is wrong with any of them, all of it at once."""
+    def _understood(self, said: str | bytes, options: Options) -> Told:
+        """The document. Raises `InvalidRequest` with all that is wrong with it."""
+        pipeline = read(said)
+        nodes_of(pipeline)
+        flaws = _flaws_of_formats(pipeline)
+        if flaws:
+            raise InvalidRequest(f"The pipeline has {len(flaws)} flaw(s).", flaws)
+
+        def prepare(forms: Mapping[str, Delivery], images: Mapping[str, Image], wishes: dict[str, Any]) -> Prepared:
+            return engine.prepare_pipeline(_delivered(pipeline, forms), images=images, **wishes)
+
+        return Told(pipeline, pipeline.inputs, prepare)
+
+    def _read(self, request: Request) -> tuple[Told, Options, Uploads]:
+        """Document, options and uploads. Raises what is wrong with any of them, all of it at once."""
         stored = {name: value for name, value in request.head.query if is_id(value)}
         said = [(name, value) for name, value in request.head.query if not is_id(value)]
-        options, values, flaws = queries.read_options(said, (DOCUMENT,))
+        options, values, flaws = queries.read_options(said, (self.document,))
         document, given, wrong = uploads.read_with_document(
-            request.head, request.body, DOCUMENT, readable(), self._settings.max_images + 1
+            request.head, request.body, self.document, readable(), self._settings.max_images + 1
         )
         flaws += wrong
         kept, missing = self._running.stored(stored)
@@ -109,32 +143,30 @@ class Pipelines:
         given |= kept
         if options.method is not None:
             flaws.append(Flaw("/query/method", "is asked of a node: name it there"))
-        pipeline = None
-        if document is not None and DOCUMENT in values:
-            flaws.append(Flaw(f"/query/{DOCUMENT}", "is given in the body, too"))
-        elif document is None and DOCUMENT not in values:
-            flaws.append(Flaw(f"/query/{DOCUMENT}", "is required here or as a part of the body"))
+        told = None
+        if document is not None and self.document in values:
+            flaws.append(Flaw(f"/query/{self.document}", "is given in the body, too"))
+        elif document is None and self.document not in values:
+            flaws.append(Flaw(f"/query/{self.document}", "is required here or as a part of the body"))
         else:
             try:
-                pipeline = read(values[DOCUMENT] if document is None else document)
-                nodes_of(pipeline)
-                flaws += _flaws_of_formats(pipeline)
+                told = self._understood(values[self.document] if document is None else document, options)
                 flaws += [
-                    Flaw(f"/inputs/{escaped(each)}", "is read by the pipeline and was not sent")
-                    for each in pipeline.inputs
+                    Flaw(f"/inputs/{escaped(each)}", f"is read by the {self.document} and was not sent")
+                    for each in told.pipeline.inputs
                     if each not in given and each not in stored
                 ]
                 flaws += [
-                    Flaw(f"/inputs/{escaped(each)}", f"is not read; {nearest(each, pipeline.inputs)}")
+                    Flaw(f"/inputs/{escaped(each)}", f"is not read; {nearest(each, told.names)}")
                     for each in given
-                    if each not in pipeline.inputs
+                    if each not in told.names
                 ]
             except InvalidRequest as invalid:
                 flaws += invalid.flaws
-        if flaws or pipeline is None:
+        if flaws or told is None:
             flaws += self._running.flaws_of_headers(given)
-            raise InvalidRequest(f"The request for a pipeline has {len(flaws)} flaw(s).", flaws)
-        return pipeline, options, given
+            raise InvalidRequest(f"The request for a {self.document} has {len(flaws)} flaw(s).", flaws)
+        return told, options, given
 
 
 def _flaws_of_formats(pipeline: Pipeline) -> list[Flaw]:
@@ -148,10 +180,14 @@ def _flaws_of_formats(pipeline: Pipeline) -> list[Flaw]:
 
 
 def _deliveries(
-    pipeline: Pipeline, options: Options, head: Head, given: Uploads, images: Mapping[str, Image], settings: Settings
+    told: Told, options: Options, head: Head, given: Uploads, images: Mapping[str, Image], settings: Settings
 ) -> dict[str, Delivery]:
     """How every output leaves. Raises `InvalidRequest` for pictures that an operation does not take."""
-    facts = read_pipeline_order(pipeline, images, {}, "numpy").expected()
+    pipeline = told.pipeline
+    try:
+        facts = read_pipeline_order(pipeline, images, {}, "numpy").expected()
+    except InvalidRequest as invalid:
+        raise InvalidRequest(invalid.detail, told.relocated(invalid.flaws)) from None
     accept = head.headers.get("accept")
     if len(pipeline.outputs) > 1:
         _require_parts(accept)
@@ -164,8 +200,18 @@ def _deliveries(
     for name, each in pipeline.outputs.items():
         said = {key: value for key in _FORMS if (value := getattr(each, key)) is not None}
         mine = Options.model_validate({**options.model_dump(), **said})
-        deliveries[name] = agree(mine, accept, facts[name], origin)
+        deliveries[name] = (_to_be_seen if told.shown else agree)(mine, accept, facts[name], origin)
     return deliveries
+
+
+def _to_be_seen(options: Options, accept: str | None, facts: Facts, origin: Origin) -> Delivery:
+    """As a display has it, in eight bits, or as light where the format holds floats."""
+    facts = dataclasses.replace(facts, space=Space.SRGB)
+    made = agree(options, accept, facts, Origin("png", Storage.UINT8, Space.SRGB, Alpha.NONE))
+    if options.storage is not None or Storage.FLOAT32 not in made.format.storages:
+        return made
+    wanted = {**options.model_dump(), "format": made.format.name, "storage": Storage.FLOAT32}
+    return agree(Options.model_validate(wanted), accept, facts, Origin("", Storage.FLOAT32, Space.SRGB, Alpha.NONE))
 
 
 _FORMS = ("format", "storage", "space", "alpha")
@@ -195,10 +241,10 @@ def _delivered(pipeline: Pipeline, deliveries: Mapping[str, Delivery]) -> Pipeli
     return dataclasses.replace(pipeline, outputs=outputs)
 
 
-def _answer(results: Mapping[str, Result], deliveries: Mapping[str, Delivery], parts: bool) -> Response:
+def _answer(document: str, results: Mapping[str, Result], deliveries: Mapping[str, Delivery], parts: bool) -> Response:
     """The picture, or all of them as parts, with findings and maps of errors behind them."""
     first = next(iter(results.values()))
-    log: dict[str, object] = {"operation": DOCUMENT, "method_used": first.method, "device": first.device}
+    log: dict[str, object] = {"operation": document, "method_used": first.method, "device": first.device}
     pieces: list[mixed.Part] = []
     maps: list[mixed.Part] = []
     common: dict[str, str] = {}

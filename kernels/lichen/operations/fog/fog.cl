@@ -1,0 +1,190 @@
+// A picture through fog, 64 pixels of a row to a work-item, sixteen at a time; optics.py is the definition.
+//
+// Definitions given at build time:
+//   CHANNELS, COVERAGE   of the picture; 1 where the last is coverage, which colour is multiplied by
+//   KIND                 0 linear, 1 exponential, 2 squared, 3 layered, 4 by height
+//   POSITION             1 where points are given; 0 where depths are: `depth_kind` 0 planar, 1 euclidean, 2 by terms
+//   TABLE                1 where `layers` is a table of `entries`: of what comes through (kinds 1, 2), or of mean densities
+//                        above the eye and then below (3); 0 where it holds 4 floats for each segment, those above first
+// `n` holds doubles; launch.py says which.
+
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+
+#include "numeric.clh"
+#include "../compositing/planes.clh"
+
+#define SEGMENT 64
+#define ONE ((float16)(1.0f))
+#define ZERO ((float16)(0.0f))
+
+// (1 - e^-a) / a for a >= 0: a series where the difference would cancel. 2.5 ULP.
+PLANE_FN float16 settled(float16 a)
+{
+    float16 s = (float16)(1.0f / 362880.0f);
+    s = fma(s, -a, (float16)(1.0f / 40320.0f));
+    s = fma(s, -a, (float16)(1.0f / 5040.0f));
+    s = fma(s, -a, (float16)(1.0f / 720.0f));
+    s = fma(s, -a, (float16)(1.0f / 120.0f));
+    s = fma(s, -a, (float16)(1.0f / 24.0f));
+    s = fma(s, -a, (float16)(1.0f / 6.0f));
+    s = fma(s, -a, (float16)(0.5f));
+    s = fma(s, -a, ONE);
+    return a < 0.5f ? s : (ONE - num_exp(-a)) / a;
+}
+
+// A table's value at x >= 0, counted in entries: linear between them, the last beyond.
+PLANE_FN float16 tabled(float16 x, global const float *restrict table, int entries)
+{
+    float16 last = (float16)((float)(entries - 1));
+    float16 place = x < last ? x : last;
+    int16 cell = convert_int16(place);
+    cell = cell < entries - 2 ? cell : (int16)(entries - 2);
+    cell = x == x ? cell : (int16)(0);
+    int at[LANES];
+    float low[LANES], high[LANES];
+    vstore16(cell, 0, at);
+    for (int i = 0; i < LANES; i++)
+        low[i] = table[at[i]], high[i] = table[at[i] + 1];
+    float16 a = vload16(0, low), b = vload16(0, high);
+    return x == x ? a + (place - convert_float16(cell)) * (b - a) : x;
+}
+
+// The mean density of layers between the eye's height and `rise` above it.
+PLANE_FN float16 mean_density(float16 rise, global const float *restrict layers, int above, int below)
+{
+    float16 far = fabs(rise), total = ZERO;
+    for (int k = 0; k < above + below; k++) {
+        float b = layers[4 * k], w = layers[4 * k + 1], s = layers[4 * k + 2], m = layers[4 * k + 3];
+        float16 t = far - b;
+        t = t > 0.0f ? t : ZERO;
+        t = t < w ? t : (float16)(w);
+        float16 share = t > 0.0f ? t / far : ZERO;
+        if (k == 0 || k == above)
+            share = far <= w ? ONE : share;
+        float16 part = share * (s + 0.5f * m * t);
+        total += (k < above ? rise >= 0.0f : rise < 0.0f) ? part : ZERO;
+    }
+    return total;
+}
+
+kernel void fog(global const float *restrict image, global const float *restrict where, global const float *restrict emissive,
+                global float *restrict out, global const double *restrict n, global const float *restrict colour,
+                global const float *restrict layers, global const double *restrict xs, global const double *restrict ys, int shines, int depth_kind, int planar, int keep, int above,
+                int below, int entries, int width, int height)
+{
+    int per_row = (width + SEGMENT - 1) / SEGMENT, row = (int)get_global_id(0) / per_row;
+    if (row >= height)
+        return;
+    int begin = ((int)get_global_id(0) % per_row) * SEGMENT, end = min(begin + SEGMENT, width);
+    double y = ys[row];
+    float density = (float)n[4], start = (float)n[5], slope = (float)n[6], lift = (float)n[7], per_fall = (float)n[8];
+    float y2 = (float)(1.0 + y * y);
+    for (int column = begin; column < end; column += LANES) {
+        int count = min(end - column, LANES);
+        ulong first = (ulong)row * width + column;
+#if POSITION
+        float16 p[4];
+        planes_load(where + first * 3, 3, 3, count, p);
+        double16 px = convert_double16(p[0]) - n[9], py = convert_double16(p[1]) - n[10], pz = convert_double16(p[2]) - n[11];
+        double16 length = sqrt(px * px + py * py + pz * pz);
+        float16 d = convert_float16(length), rise = ZERO, climb = ZERO;
+        d = ((p[0] != p[0]) | (p[1] != p[1]) | (p[2] != p[2])) ? (float16)(NAN) : d;
+        if (planar) {
+            double16 ahead = (double16)(0.0);
+            ahead = n[15] != 0.0 ? ahead + n[15] * px : ahead;
+            ahead = n[16] != 0.0 ? ahead + n[16] * py : ahead;
+            ahead = n[17] != 0.0 ? ahead + n[17] * pz : ahead;
+            float16 z = convert_float16(ahead);
+            z = z < 0.0f ? ZERO : z;
+            d = isinf(d) ? d : (d == d ? z : d);
+        }
+#if KIND >= 3
+        double16 up = (double16)(0.0);
+        up = n[12] != 0.0 ? up + n[12] * px : up;
+        up = n[13] != 0.0 ? up + n[13] * py : up;
+        up = n[14] != 0.0 ? up + n[14] * pz : up;
+        rise = convert_float16(up);
+#endif
+#else
+        double16 x = vload16(0, xs + column);
+        float16 xf = convert_float16(x), stored = plane_load(where + first, 1, 0, count), z = stored;
+        float16 slant = sqrt(xf * xf + y2);
+        if (depth_kind == 2) {
+            double16 divisor = n[19] + n[20] * convert_double16(stored), zd = n[18] / divisor;
+            z = convert_float16(divisor <= 0.0 ? (double16)(INFINITY) : zd);
+        }
+        z = z < 0.0f ? ZERO : z;
+        float16 d = depth_kind == 1 ? (planar ? z / slant : z) : (planar ? z : z * slant);
+#if KIND >= 3
+        double16 climbs = n[12] * x + n[13] * y - n[14];
+        float16 climb = convert_float16(climbs), rise = (depth_kind == 1 ? z / slant : z) * climb;
+        climb = climb / slant;
+#endif
+#endif
+        int16 nothing = isinf(d);
+        float16 t;
+#if KIND == 0
+        t = num_clamp((start - d) * slope, ZERO, ONE);
+#elif KIND == 1 && !TABLE
+        t = num_exp(-(density * d));
+#elif KIND == 2 && !TABLE
+        t = density * d;
+        t = num_exp(-(t * t));
+#elif KIND <= 2
+        t = nothing ? ZERO : tabled(d * slope, layers, entries);
+#elif KIND == 3
+        rise = nothing | isinf(rise) ? ZERO : rise;
+#if TABLE
+        float16 places = fabs(rise) * slope;
+        float16 mean = places <= (float)(entries - 1)
+            ? (rise >= 0.0f ? tabled(places, layers, entries) : tabled(places, layers + entries, entries))
+            : (rise >= 0.0f ? ((float)n[21] + (float)n[22] * (fabs(rise) - lift)) : ((float)n[23] + (float)n[24] * (fabs(rise) - lift)))
+                / fabs(rise);
+#else
+        float16 mean = mean_density(rise, layers, above, below);
+#endif
+        // A ray without an end: infinite, nothing, or a whole side of the fog on a slant.
+        float16 whole = climb > 0.0f ? (float16)((float)n[21]) : (float16)((float)n[23]);
+        float16 beyond = climb > 0.0f ? (float16)((float)n[22]) : (float16)((float)n[24]);
+        float16 endless = beyond > 0.0f ? (float16)(INFINITY) : whole / fabs(climb);
+        endless = climb == 0.0f ? (float16)((float)n[25]) : endless;
+        t = num_exp(-(density * (nothing ? endless : mean * d)));
+#else
+        rise = nothing | isinf(rise) ? ZERO : rise;
+        float16 u = rise * per_fall, down = -u > 0.0f ? -u : ZERO;
+        float16 within = density * settled(fabs(u)) * num_exp(lift + down) * d;
+        float16 endless = climb > 0.0f ? (float16)((float)n[21]) / climb : (float16)(INFINITY);
+        t = num_exp(-(nothing ? endless : within));
+#endif
+        t = d == d ? t : d;
+        if (keep)
+            t = nothing ? ONE : t;
+        if (shines) {
+            float16 e = num_clamp(plane_load(emissive + first, 1, 0, count), ZERO, ONE);
+            t = t + e * (ONE - t);
+        }
+        float16 hidden = ONE - t;
+        global const float *in = image + first * CHANNELS;
+        global float *to = out + first * CHANNELS;
+#if CHANNELS <= 4
+        float16 v[4];
+        planes_load(in, CHANNELS, CHANNELS, count, v);
+#if COVERAGE
+        hidden *= v[CHANNELS - 1];
+#endif
+        for (int c = 0; c < CHANNELS - COVERAGE; c++)
+            v[c] = (t == 0.0f && isinf(v[c]) ? ZERO : t * v[c]) + hidden * colour[c];
+        planes_store(v, to, CHANNELS, count);
+#else
+#if COVERAGE
+        float16 cover = plane_load(in, CHANNELS, CHANNELS - 1, count);
+        hidden *= cover;
+        plane_store(cover, to, CHANNELS, CHANNELS - 1, count);
+#endif
+        for (int c = 0; c < CHANNELS - COVERAGE; c++) {
+            float16 v = plane_load(in, CHANNELS, c, count);
+            plane_store((t == 0.0f && isinf(v) ? ZERO : t * v) + hidden * colour[c], to, CHANNELS, c, count);
+        }
+#endif
+    }
+}

@@ -1,0 +1,120 @@
+"""Fog on a device, and its tables.
+
+The kernel's doubles, by their places: 0 to 3 nothing, 4 density, 5 and 6 the end and the slope of linear fog, or in 6 a
+table's entries for a unit of distance, 7 falloffs up to the base, or how far a table of layers reaches, 8 one over the
+falloff, 9 to 11 the eye, 12 to 14 upward, 15 to 17 ahead, 18 to 20 the terms of a window's depth, 21 to 24 of both
+sides the integral of all layers and the density beyond them, 25 the optical depth of a level ray without an end.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lichen.image import Alpha
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.operation import Inputs
+from lichen.operations.fog.parameters import Background, Distance, Kind, Parameters
+from lichen.operations.scene.view import DepthKind, pointed, rays, window_terms
+
+if TYPE_CHECKING:
+    from lichen.opencl.device import Device
+
+SEGMENT = 64
+DEEPEST = 14.0
+"""Optical depth where a table of what comes through ends: 8.3e-7 is left."""
+
+
+def reach_of(p: Parameters) -> float:
+    """How far a table goes: a distance, or a difference of height."""
+    if p.kind is Kind.LAYERED:
+        return p.column.reach
+    if p.density == 0:
+        return 0.0
+    return (DEEPEST if p.kind is Kind.EXPONENTIAL else math.sqrt(DEEPEST)) / p.density
+
+
+def table_of(p: Parameters, entries: int) -> Array:
+    """float32: what comes through at even distances up to `reach_of`, or mean densities at even rises, then falls."""
+    at = np.linspace(0.0, 1.0, entries) * reach_of(p)
+    if p.kind is Kind.LAYERED:
+        return np.concatenate([p.column.mean(at), p.column.mean(-at)]).astype(np.float32)
+    depth = p.density * at
+    return np.exp(-(depth if p.kind is Kind.EXPONENTIAL else depth * depth)).astype(np.float32)
+
+
+def numbers(p: Parameters, entries: int) -> Array:
+    """The kernel's doubles."""
+    made = np.zeros(26)
+    made[4] = p.density
+    made[8:18] = 1 / p.falloff, *p.eye, *p.upward, *p.ahead
+    if p.depth_kind in (DepthKind.WINDOW, DepthKind.REVERSED):
+        scale, (a, b) = window_terms(p)
+        made[18:21] = scale, a, b
+    if p.kind is Kind.LINEAR:
+        made[5:7] = p.end, 1 / (p.end - p.start)
+    elif p.kind is Kind.HEIGHT:
+        made[7], made[21] = p.lift, p.density * math.exp(p.lift) * p.falloff
+    elif p.kind is Kind.LAYERED:
+        column = p.column
+        (beyond_above, whole_above), (beyond_below, whole_below) = column.ends(0), column.ends(1)
+        made[21:25] = whole_above, beyond_above, whole_below, beyond_below
+        made[25] = np.inf if column.above[0, 2] > 0 else 0.0
+        if entries:
+            reach = made[7] = column.reach
+            ends = column.mean(np.array([reach, -reach])) * reach
+            made[21], made[23] = ends
+    if entries:
+        reach = reach_of(p)
+        made[6] = (entries - 1) / reach if reach else 0.0
+    return made
+
+
+def _padded(x: Array) -> Array:
+    """With 15 more of the last, so that sixteen may be read anywhere."""
+    return np.append(x, np.full(15, x[-1]))
+
+
+@lru_cache(maxsize=64)
+def _constants(
+    p: Parameters, height: int, width: int, colours: int, entries: int
+) -> tuple[tuple[Array, ...], int, int]:
+    """Numbers, colour, layers or table, x and y, and segments above and below; kept, since frames ask for the same."""
+    sides = p.column.sides if p.kind is Kind.LAYERED else (np.zeros((1, 4)),) * 2
+    layers = table_of(p, entries) if entries else np.concatenate(sides).astype(np.float32)
+    x, y = rays(p, height, width)
+    made = (
+        aligned(numbers(p, entries), np.float64), aligned(np.array(p.light(colours))), aligned(layers),
+        aligned(_padded(x.ravel()), np.float64), aligned(y.ravel(), np.float64),
+    )  # fmt: skip
+    return made, len(sides[0]), len(sides[1])
+
+
+def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) -> Array:
+    """The picture through fog; `entries` of a table, or 0 for the formulas."""
+    image = inputs["image"]
+    height, width = image.height, image.width
+    where = inputs["depth"]
+    pixels, out = aligned(image.pixels), aligned_empty(image.pixels.shape)
+    constants, above, below = _constants(p, height, width, image.colours, entries)
+    kind = list(DepthKind).index(p.depth_kind)
+    choices = (
+        "emissive" in inputs, min(kind, 2), p.distance is Distance.PLANAR, p.background is Background.KEEP,
+        above, below, entries, width, height,
+    )  # fmt: skip
+    defines: dict[str, int | float | str] = {
+        "CHANNELS": image.channels, "COVERAGE": int(image.alpha is not Alpha.NONE), "TABLE": int(entries > 0),
+        "KIND": list(Kind).index(p.kind), "POSITION": int(pointed(where)),
+    }  # fmt: skip
+    with device.session() as session:
+        session.launch(
+            "fog/fog.cl", "fog", (height * -(-width // SEGMENT),),
+            pixels, aligned(where.pixels if pointed(where) else where.pixels[..., :1]),
+            aligned(inputs["emissive"].pixels) if "emissive" in inputs else pixels, session.write(out),
+            *constants, *(np.int32(each) for each in choices),
+            defines=defines,
+        )  # fmt: skip
+    return out

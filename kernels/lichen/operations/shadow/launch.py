@@ -1,0 +1,91 @@
+"""Shadows on a device.
+
+The kernel's doubles, by their places: 0 to 15 the matrix to texels, 16 to 18 the light's eye, 19 to 27 its axes right,
+up and back, 28 a texel's width at depth 1, 29 how far it may bend there, 32 the depth that a slope allows for a texel,
+33 to 35 the terms of the map's depth, 36 to 38 the ends and the step of few bits, 39 the depth beyond the edge, 40 a
+penumbra's width, 41 the eye's magnitude, 42 the share outside, 43 to 45 the terms of the camera's depth, 46 the
+filter's side.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.operation import Inputs
+from lichen.operations.scene.view import DepthKind, pointed, rays, window_terms
+from lichen.operations.shadow.comparing import BEND
+from lichen.operations.shadow.parameters import Kind, MapKind, Outside, Parameters
+from lichen.operations.shadow.storing import WHOLE, Stored
+
+if TYPE_CHECKING:
+    from lichen.opencl.device import Device
+
+SEGMENT = 64
+SAMPLED = 4
+
+
+@lru_cache(maxsize=64)
+def numbers(p: Parameters, height: int, width: int, stored: Stored) -> Array:
+    """The kernel's doubles, for a map of this size; kept, since frames of one scene ask for the same."""
+    light, made = p.light, np.zeros(47)
+    texel = 2 * light.scale / height
+    made[:16] = light.to_pixels(height, width).ravel()
+    made[16:19], made[19:28], made[28] = p.light_eye, light.axes().ravel(), texel
+    made[29], made[32] = BEND * texel, p.slope * texel
+    made[33:36] = p.terms
+    if stored.bits and p.light_far is not None:
+        near, far, levels = p.light_near, p.light_far, float(2**stored.bits - 1)
+        step = (1 / near - 1 / far) / levels if stored.window else (far - near) / levels
+        made[36:39] = near, far, step
+    lit = p.outside is Outside.LIT
+    made[39] = math.inf if lit else -math.inf
+    made[40] = p.source * (height / (2 * light.scale))
+    made[41], made[42] = sum(map(abs, p.light_eye)), float(lit)
+    if p.depth_kind in (DepthKind.WINDOW, DepthKind.REVERSED):
+        scale, (a, b) = window_terms(p)
+        made[43:46] = scale, a, b
+    made[46] = p.filter
+    return aligned(made, np.float64)
+
+
+@lru_cache(maxsize=64)
+def _rays(p: Parameters, height: int, width: int) -> tuple[Array, Array]:
+    """x of every column and seven more, y of every row; nothing that is read where points are given."""
+    x, y = rays(p, height, width)
+    return aligned(np.append(x, np.full(7, x[0, -1])), np.float64), aligned(y.ravel(), np.float64)
+
+
+def launched(
+    device: Device, inputs: Inputs, p: Parameters, stored: Stored = WHOLE, places: Array | None = None
+) -> Array:
+    """The share of light, float32 (height, width, 1); with `places` the mean of so many texels of the filter."""
+    where, depths = inputs["depth"], inputs["map"]
+    height, width = where.height, where.width
+    out = aligned_empty((height, width, 1))
+    x, y = _rays(p, height, width)
+    kind = 0 if p.filter == 0 else 1 + list(Kind).index(p.kind) if places is None else SAMPLED
+    count = math.ceil(p.filter) + 1 if places is None else len(places)
+    defines: dict[str, int | float | str] = {
+        "KIND": kind, "POSITION": int(pointed(where)), "NORMALS": int("normal" in inputs),
+        "PARALLEL": int(p.light_extent is not None), "TERMS": int(p.map_kind is not MapKind.PLANAR),
+        "BITS": (1 + stored.window) if stored.bits else 0,
+    }  # fmt: skip
+    receivers = aligned(where.pixels if pointed(where) else where.pixels[..., :1])
+    with device.session() as session:
+        session.launch(
+            "shadow/shadow.cl", "shadow", (height * -(-width // SEGMENT),),
+            receivers, aligned(inputs["normal"].pixels) if "normal" in inputs else receivers,
+            aligned(depths.pixels[..., :1]), session.write(out),
+            numbers(p, depths.height, depths.width, stored),
+            aligned(np.zeros((1, 2)) if places is None else places, np.float64),
+            x, y,
+            np.int32(min(list(DepthKind).index(p.depth_kind), 2)), np.int32(count),
+            np.int32(depths.width), np.int32(depths.height), np.int32(width), np.int32(height),
+            defines=defines,
+        )  # fmt: skip
+    return out

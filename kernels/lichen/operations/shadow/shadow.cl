@@ -1,0 +1,279 @@
+// Which share of a light reaches every point, eight pixels of a row at a time, in doubles; comparing.py is the
+// definition, operation for operation.
+//
+// Definitions given at build time:
+//   KIND       0 one texel, 1 comparisons averaged, 2 over a penumbra, 3 Chebyshev's bound, 4 some texels of a square
+//   POSITION   1 where points are given, 0 where planar depths by `terms`: 0 as stored, 1 euclidean, 2 of a window
+//   NORMALS    1 where normals are given
+//   PARALLEL   1 for light without perspective
+//   TERMS      1 where the map holds a window's depth
+//   BITS       0 as stored, 1 linear codes, 2 codes of a window's depth
+// `n` holds doubles; shadow_map.py says which.
+
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+
+#define SEGMENT 64
+#define LANES 8
+#define MARGIN 64.0
+#define MOST 33 // texels across the widest filter
+#define QUANTUM 0x1p-21
+#define FN static inline __attribute__((always_inline))
+#define ZERO ((double8)(0.0))
+#define ONE ((double8)(1.0))
+
+typedef struct { double8 x, y, z; } triple;
+typedef struct { double8 u, v, z, quantum, along, facing, right, down; } receiver;
+typedef struct {
+    global const float *restrict pixels;
+    global const double *restrict n;
+    int width, height;
+} light_map;
+
+FN triple three(global const float *restrict in, int count)
+{
+    float lane[3 * LANES];
+    if (count < LANES)
+        for (int i = 0; i < 3 * LANES; i++)
+            lane[i] = i < 3 * count ? in[i] : 0.0f;
+    float8 a = count < LANES ? vload8(0, lane) : vload8(0, in), b = count < LANES ? vload8(1, lane) : vload8(1, in);
+    float8 c = count < LANES ? vload8(2, lane) : vload8(2, in);
+    return (triple){convert_double8((float8)(a.s0, a.s3, a.s6, b.s1, b.s4, b.s7, c.s2, c.s5)),
+                    convert_double8((float8)(a.s1, a.s4, a.s7, b.s2, b.s5, c.s0, c.s3, c.s6)),
+                    convert_double8((float8)(a.s2, a.s5, b.s0, b.s3, b.s6, c.s1, c.s4, c.s7))};
+}
+
+FN double8 one(global const float *restrict in, int count)
+{
+    if (count == LANES)
+        return convert_double8(vload8(0, in));
+    double lane[LANES];
+    for (int i = 0; i < LANES; i++)
+        lane[i] = i < count ? in[i] : 0.0f;
+    return vload8(0, lane);
+}
+
+FN double8 row_of(global const double *restrict m, triple p) { return ((m[0] * p.x + m[1] * p.y) + m[2] * p.z) + m[3]; }
+FN double8 dot_of(global const double *restrict a, triple p) { return (p.x * a[0] + p.y * a[1]) + p.z * a[2]; }
+
+// Planar depths of texels, and the step that they are stored in.
+FN double8 depths(light_map map, double8 i, double8 j, double8 *step)
+{
+    long8 inside = (i >= 0.0) & (i < (double)map.width) & (j >= 0.0) & (j < (double)map.height);
+    bool whole = all(inside);
+    int8 column = convert_int8(whole ? i : (inside ? i : ZERO)), row = convert_int8(whole ? j : (inside ? j : ZERO));
+    int at[LANES];
+    float lane[LANES];
+    vstore8(row * map.width + column, 0, at);
+    for (int k = 0; k < LANES; k++)
+        lane[k] = map.pixels[at[k]];
+    double8 m = convert_double8(vload8(0, lane));
+    global const double *n = map.n;
+#if TERMS
+    double8 below = n[34] + n[35] * m;
+    m = below <= 0.0 ? (double8)(INFINITY) : n[33] / below;
+#endif
+    *step = ZERO;
+#if BITS
+    double near = n[36], far = n[37], unit = n[38];
+    double8 held = m < near ? (double8)(near) : (m > far ? (double8)(far) : m), made;
+#if BITS == 1
+    made = rint((held - near) / unit) * unit + near;
+    *step = (double8)(unit);
+#else
+    made = 1.0 / (1.0 / near - rint((1.0 / near - 1.0 / held) / unit) * unit);
+    *step = (made * made) * unit;
+#endif
+    m = isinf(m) ? m : made;
+#endif
+    return inside ? m : (double8)(n[39]);
+}
+
+// 1 where a texel lets light through, 0 where not, NaN where its depth is none.
+FN double8 lit(light_map map, receiver r, double8 m, double8 step, double8 i, double8 j)
+{
+    global const double *n = map.n;
+    double8 reach = m + (r.quantum + step), du = i + 0.5, dv = j + 0.5;
+#if !NORMALS
+#if PARALLEL
+    double8 wide = (double8)(n[32]);
+#else
+    double8 wide = n[32] * r.z;
+#endif
+    long8 yes = r.z - wide * (fabs(du - r.u) + fabs(dv - r.v)) <= reach;
+#else
+    double8 x = du - r.u, y = dv - r.v;
+    reach = reach + (PARALLEL ? (double8)(n[29]) : n[29] * r.z) * (x * x + y * y);
+    double8 across = du - map.width / 2.0, low = dv - map.height / 2.0;
+#if PARALLEL
+    double8 above = (r.along - r.right * across) - r.down * low;
+    long8 yes = (r.z <= reach) | ((r.facing < 0.0) & (above >= reach * r.facing));
+#else
+    double8 below = (r.facing + r.right * across) + r.down * low;
+    long8 yes = (r.z <= reach) | ((below < 0.0) & (r.along >= reach * below));
+#endif
+#endif
+    return m != m ? m : (yes ? ONE : ZERO);
+}
+
+FN double8 shares(double8 low, double8 high, double k, double8 *i)
+{
+    *i = floor(low) + k;
+    double8 first = *i > low ? *i : low, last = *i + 1.0 < high ? *i + 1.0 : high;
+    return last > first ? last - first : ZERO;
+}
+
+FN double8 averaged(light_map map, receiver r, double8 side, int count)
+{
+    double8 half_side = side * 0.5, total = ZERO, j, step, across[MOST], at[MOST];
+    for (int column = 0; column < count; column++)
+        across[column] = shares(r.u - half_side, r.u + half_side, column, at + column);
+    for (int row = 0; row < count; row++) {
+        double8 b = shares(r.v - half_side, r.v + half_side, row, &j);
+        for (int column = 0; column < count; column++) {
+            double8 weight = across[column] * b, i = at[column];
+            if (!any(weight > 0.0))
+                continue;
+            double8 m = depths(map, i, j, &step);
+            total = total + (weight > 0.0 ? weight * lit(map, r, m, step, i, j) : ZERO);
+        }
+    }
+    total = total / (side * side);
+    return total > 1.0 ? ONE : total;
+}
+
+FN double8 penumbra(light_map map, receiver r, double side, int count)
+{
+    double8 half_side = (double8)(side * 0.5), total = ZERO, weights = ZERO, i, j, step;
+    for (int row = 0; row < count; row++) {
+        double8 b = shares(r.v - half_side, r.v + half_side, row, &j);
+        for (int column = 0; column < count; column++) {
+            double8 weight = shares(r.u - half_side, r.u + half_side, column, &i) * b, m = depths(map, i, j, &step);
+            long8 blocks = (weight > 0.0) & ~(lit(map, r, m, step, i, j) > 0.0) & (m > 0.0);
+#if PARALLEL
+            total = total + (blocks ? weight * m : ZERO);
+#else
+            total = total + (blocks ? weight * (1.0 / m) : ZERO);
+#endif
+            weights = weights + (blocks ? weight : ZERO);
+        }
+    }
+    double8 mean = total / (weights > 0.0 ? weights : ONE);
+#if PARALLEL
+    double8 wide = map.n[40] * (r.z - mean);
+#else
+    double8 wide = map.n[40] * (mean - 1.0 / r.z);
+#endif
+    wide = wide > 1.0 ? wide : ONE;
+    return (weights > 0.0) & (wide > 1.0) ? (wide < side ? wide : (double8)(side)) : ONE;
+}
+
+FN double8 chebyshev(light_map map, receiver r, double side, int count)
+{
+    double8 half_side = (double8)(side * 0.5), total = ZERO, square = ZERO, weights = ZERO, i, j, step;
+    long8 spoilt = 0;
+    for (int row = 0; row < count; row++) {
+        double8 b = shares(r.v - half_side, r.v + half_side, row, &j);
+        for (int column = 0; column < count; column++) {
+            double8 weight = shares(r.u - half_side, r.u + half_side, column, &i) * b, m = depths(map, i, j, &step);
+            double8 behind = m > 2.0 * r.z ? r.z : m - r.z;
+            double8 apart = m == (double8)(INFINITY) ? r.z : behind + (r.quantum + step);
+            long8 taken = weight > 0.0;
+            spoilt |= taken & (m != m);
+            total = total + (taken ? weight * apart : ZERO);
+            weights = weights + (taken ? weight : ZERO);
+            square = square + (taken ? weight * (apart * apart) : ZERO);
+        }
+    }
+    double8 mean = total / weights, spread = square / weights - mean * mean;
+    spread = spread > 0.0 ? spread : ZERO;
+    double8 made = mean >= 0.0 ? ONE : spread / (spread + mean * mean);
+    return spoilt ? (double8)(NAN) : made;
+}
+
+// The mean of comparisons with the texels at some places of a square.
+FN double8 sampled(light_map map, receiver r, double side, global const double *restrict places, int count)
+{
+    double8 total = ZERO, step;
+    for (int k = 0; k < count; k++) {
+        double8 i = floor(r.u + places[2 * k] * side), j = floor(r.v + places[2 * k + 1] * side);
+        double8 m = depths(map, i, j, &step);
+        total = total + lit(map, r, m, step, i, j);
+    }
+    return total / (double)count;
+}
+
+kernel void shadow(global const float *restrict where, global const float *restrict normals, global const float *restrict pixels,
+                   global float *restrict out, global const double *restrict n, global const double *restrict places,
+                   global const double *restrict xs, global const double *restrict ys, int terms, int count, int map_width,
+                   int map_height, int width, int height)
+{
+    int per_row = (width + SEGMENT - 1) / SEGMENT, row = (int)get_global_id(0) / per_row;
+    if (row >= height)
+        return;
+    int begin = ((int)get_global_id(0) % per_row) * SEGMENT, end = min(begin + SEGMENT, width);
+    light_map map = {pixels, n, map_width, map_height};
+    for (int column = begin; column < end; column += LANES) {
+        int there = min(end - column, LANES);
+        ulong first = (ulong)row * width + column;
+#if POSITION
+        triple p = three(where + first * 3, there);
+#else
+        double8 x = vload8(0, xs + column), z = one(where + first, there);
+        double y = ys[row];
+        if (terms == 1)
+            z = z / sqrt(1.0 + x * x + y * y);
+        else if (terms == 2) {
+            double8 below = n[44] + n[45] * z;
+            z = below <= 0.0 ? (double8)(INFINITY) : n[43] / below;
+        }
+        triple p = {x * z, y * z, -z};
+#endif
+        receiver r;
+            double8 w = row_of(n + 12, p), per = 1.0 / w, u = row_of(n, p) * per, v = row_of(n + 4, p) * per;
+        r.z = row_of(n + 8, p);
+        r.quantum = QUANTUM * (((fabs(p.x) + fabs(p.y)) + fabs(p.z)) + n[41]);
+        double8 missing = (double8)(n[42]);
+        long8 nan = (p.x != p.x) | (p.y != p.y) | (p.z != p.z), dark = 0;
+#if NORMALS
+        triple m = three(normals + first * 3, there);
+        r.along = (m.x * (p.x - n[16]) + m.y * (p.y - n[17])) + m.z * (p.z - n[18]);
+        r.facing = -dot_of(n + 25, m);
+        r.right = dot_of(n + 19, m) * n[28];
+        r.down = -dot_of(n + 22, m) * n[28];
+        dark = (PARALLEL ? r.facing : r.along) > 0.0;
+        nan |= (m.x != m.x) | (m.y != m.y) | (m.z != m.z);
+#endif
+        long8 endless = (fabs(p.x) == (double8)(INFINITY)) | (fabs(p.y) == (double8)(INFINITY)) | (fabs(p.z) == (double8)(INFINITY));
+        long8 reaches = (w > 0.0) & (u > -MARGIN) & (u < map_width + MARGIN) & (v > -MARGIN) & (v < map_height + MARGIN)
+                        & ~dark & ~endless & ~nan;
+        missing = dark ? ZERO : missing;
+        missing = endless ? ONE : missing;
+        missing = nan ? (double8)(NAN) : missing;
+        r.u = reaches ? u : ZERO;
+        r.v = reaches ? v : ZERO;
+        double8 made = missing;
+        if (any(reaches)) {
+#if KIND == 0
+            double8 i = floor(r.u), j = floor(r.v), step, m0 = depths(map, i, j, &step);
+            made = lit(map, r, m0, step, i, j);
+#elif KIND == 1
+            made = averaged(map, r, (double8)(n[46]), count);
+#elif KIND == 2
+            made = averaged(map, r, penumbra(map, r, n[46], count), count);
+#elif KIND == 3
+            made = chebyshev(map, r, n[46], count);
+#else
+            made = sampled(map, r, n[46], places, count);
+#endif
+        }
+        float8 shown = convert_float8(reaches ? made : missing);
+        if (there == LANES)
+            vstore8(shown, 0, out + first);
+        else {
+            float lane[LANES];
+            vstore8(shown, 0, lane);
+            for (int k = 0; k < there; k++)
+                out[first + k] = lane[k];
+        }
+    }
+}

@@ -1,0 +1,195 @@
+"""What a scene is, as its author writes it.
+
+    {"camera": {"eye": [0, 1.5, 4], "target": [0, 0.5, 0], "width": 640, "height": 480},
+     "objects": [{"shape": "plane"}, {"shape": "sphere", "centre": [0, 1, 0], "albedo": [0.8, 0.2, 0.1]}],
+     "lights": [{"kind": "point", "position": [3, 5, 2], "intensity": 30, "shadow": {"filter": 3}}],
+     "fog": {"density": 0.05, "colour": [0.6, 0.7, 0.8]}}
+
+Axes are right-handed with y up; lengths are of any one unit, angles in degrees, colours linear light.
+
+What the camera sees is either `objects`, which are cast rays at, or `buffers`: pictures sent along, by the names they
+are sent under. Objects are in the world's axes, and so are lights and heights. Buffers are in the camera's, which
+stands at 0 0 0 and looks along -z, unless `position` is among them: then everything is in the axes of those positions,
+the camera's eye too. Depth comes as `depth_kind` says (planar, euclidean, window or reversed), normals of any length.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationError
+
+from lichen.errors import Flaw, InvalidRequest, parameter_flaws
+from lichen.operation import OperationParameters
+from lichen.operations.lighting.lamps import Lamp
+from lichen.operations.scene.camera import Camera
+from lichen.operations.scene.objects import Colour, Object
+from lichen.operations.scene.view import DepthKind
+from lichen.operations.shadow.parameters import Kind as Filtering
+
+
+class Output(StrEnum):
+    """What a scene is rendered to."""
+
+    PICTURE = "picture"
+    LIGHT = "light"
+    DEPTH = "depth"
+    POSITION = "position"
+    NORMAL = "normal"
+    ALBEDO = "albedo"
+
+
+class View(Camera):
+    """The camera, and the size of its picture where there are no buffers to say it."""
+
+    width: int = Field(640, ge=1, le=16384)
+    """px"""
+    height: int = Field(480, ge=1, le=16384)
+    """px"""
+    far: float = Field(1e4, gt=0, le=1e6)
+    """depth beyond which nothing is seen"""
+    near: float = Field(0.1, gt=0, le=1e6)
+    """of a window's depth"""
+    depth_kind: DepthKind = DepthKind.PLANAR
+    """what the buffer `depth` holds"""
+    endless: bool = False
+    """whether a window's depth has no far end"""
+
+
+class Buffers(OperationParameters):
+    """Names of pictures sent along."""
+
+    depth: str | None = None
+    """how far away each pixel is"""
+    position: str | None = None
+    """where each pixel's point is, in place of depth"""
+    normal: str | None = None
+    """which way surfaces face; lights need it"""
+    albedo: str | None = None
+    """what they reflect diffusely"""
+    specular: str | None = None
+    """the colour of their highlights"""
+    roughness: str | None = None
+    """of their facets"""
+    emissive: str | None = None
+    """how much of them fog does not hide"""
+
+    @property
+    def given(self) -> dict[str, str]:
+        return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
+
+
+class Shadow(OperationParameters):
+    """How a light's shadows are made."""
+
+    size: int = Field(1024, ge=16, le=8192)
+    """texels of the map's side"""
+    kind: Filtering = Filtering.PCF
+    """pcf, pcss or variance"""
+    filter: float = Field(3.0, ge=0, le=32)
+    """texels of the side that is averaged"""
+    source: float = Field(0.0, ge=0, le=1e6)
+    """of pcss: the light's width; without perspective the tangent of the angle that it fills"""
+    map: str | None = None
+    """the name of a picture sent along: planar depths that the light sees; made from the objects if left out"""
+    target: tuple[float, float, float] | None = None
+    """of a map sent along: what its middle shows"""
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    """of a map sent along: what is up in it"""
+    fov: float = Field(90.0, ge=0.01, le=175)
+    """of a map sent along: its vertical angle"""
+    extent: float | None = Field(None, gt=0, le=1e6)
+    """of the map of a directional light sent along: the height of what it shows"""
+
+
+class Light(Lamp):
+    """A lamp, and whether things stand before it."""
+
+    shadow: Shadow | None = None
+    """none: what it lights hides nothing"""
+
+
+class Scene(OperationParameters):
+    camera: View = Field(default_factory=View.model_construct)
+    """where it stands, how it looks, and its picture's size"""
+    objects: Annotated[tuple[Object, ...], Field(max_length=64)] = ()
+    """what stands in the scene"""
+    buffers: Buffers = Buffers()
+    """pictures sent along, in place of objects"""
+    lights: Annotated[tuple[Light, ...], Field(max_length=256)] = ()
+    """what lights it"""
+    ambient: Colour = (0.0, 0.0, 0.0)
+    """light from everywhere; times albedo"""
+    surface: dict[str, Any] = Field(default_factory=lambda: {"model": "lambert"})
+    """how surfaces reflect: parameters of the operation lighting"""
+    fog: dict[str, Any] | None = None
+    """parameters of the operation fog"""
+    background: Colour = (0.0, 0.0, 0.0)
+    """the light where there is nothing"""
+    output: Output = Output.PICTURE
+    """picture; light: without fog and background; or a buffer: depth, position, normal, albedo"""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Pictures that it may read, by the names that they are sent under."""
+        maps = [each.shadow.map for each in self.lights if each.shadow is not None and each.shadow.map is not None]
+        return tuple(dict.fromkeys([*self.buffers.given.values(), *maps]))
+
+    @property
+    def everything_given(self) -> bool:
+        """Whether buffers stand in place of objects."""
+        return bool(self.buffers.given)
+
+
+def read(said: Scene | Mapping[str, Any] | str | bytes) -> Scene:
+    """The scene that a mapping or its JSON says. Raises `InvalidRequest` with every flaw."""
+    if isinstance(said, Scene):
+        return said
+    if isinstance(said, str | bytes):
+        try:
+            said = json.loads(said)
+        except (ValueError, RecursionError) as broken:
+            raise InvalidRequest("The scene is not JSON.", [Flaw("/scene", f"is not JSON: {broken}")]) from None
+    if not isinstance(said, Mapping):
+        raise InvalidRequest("The scene is no object.", [Flaw("/scene", "must be an object")])
+    try:
+        scene = Scene.model_validate(said)
+    except ValidationError as invalid:
+        flaws = parameter_flaws(invalid, "scene", Scene.model_fields)
+        flaws = [Flaw(each.pointer.removeprefix("/parameters"), each.detail) for each in flaws]
+        raise InvalidRequest(f"The scene has {len(flaws)} flaw(s).", flaws) from None
+    flaws = _flaws(scene)
+    if flaws:
+        raise InvalidRequest(f"The scene has {len(flaws)} flaw(s).", flaws)
+    return scene
+
+
+def _flaws(scene: Scene) -> list[Flaw]:
+    """What only several of a scene's parts together show."""
+    flaws = scene.camera.camera_flaws("/camera")
+    given = scene.buffers.given
+    if scene.objects and given:
+        flaws.append(Flaw("/buffers", "objects, or buffers: not both"))
+    if given and "depth" in given and "position" in given:
+        flaws.append(Flaw("/buffers/position", "depth, or position: not both"))
+    if given and scene.lights and "normal" not in given:
+        flaws.append(Flaw("/buffers/normal", "is required by lights"))
+    if given and "depth" not in given and "position" not in given and (scene.fog is not None or scene.lights):
+        flaws.append(Flaw("/buffers/depth", "depth or position is required by fog and lights"))
+    if given and "albedo" not in given and scene.output in (Output.ALBEDO,):
+        flaws.append(Flaw("/buffers/albedo", "is what was asked for"))
+    for number, light in enumerate(scene.lights):
+        shadow = light.shadow
+        if shadow is None:
+            continue
+        where = f"/lights/{number}/shadow"
+        if given and shadow.map is None:
+            flaws.append(Flaw(f"{where}/map", "is required where buffers are given: nothing else says what hides what"))
+        if shadow.map is not None and shadow.target is None:
+            flaws.append(Flaw(f"{where}/target", "is required of a map sent along"))
+        if shadow.kind is not Filtering.PCF and shadow.filter < 1:
+            flaws.append(Flaw(f"{where}/filter", f"{shadow.kind} needs a side of at least 1 texel"))
+    return flaws

@@ -1,0 +1,97 @@
+"""Which effects of a scene can be seen at all: reasons to leave them out, each with a proof that nothing changes.
+
+* A light of no intensity or a black colour adds nothing.
+* A spot adds nothing where no object enters its cone. Objects are taken as the balls around them; planes have no end,
+  so they enter every cone that is not turned away from them: one whose every ray runs from the plane.
+* One object that is convex (a sphere, a plane, a box) hides none of itself that faces the light; what faces away is
+  dark by its cosine already. So a shadow needs a second object, or one that is not convex.
+* Fog of density 0 hides nothing; roughness that is the same everywhere is a number, no buffer; no share shines through
+  fog where no object is given one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from lichen.memory import Array
+from lichen.operations.lighting.lamps import Kind
+from lichen.operations.scene.casting import _around
+from lichen.operations.scene.objects import Blob, Box, Object, Plane, Sphere
+from lichen.scene.description import Light
+
+Ball = tuple[Array, float]
+
+
+def ball(each: Object) -> Ball | None:
+    """Centre and radius of a ball around an object; None for one without an end."""
+    match each:
+        case Sphere():
+            return np.array(each.centre), each.radius
+        case Box():
+            return np.array(each.centre), math.sqrt(sum(side * side for side in each.size)) / 2
+        case Blob():
+            *centre, radius = _around(each)
+            return np.array(centre), radius
+    return None
+
+
+def around(objects: Sequence[Object]) -> Ball | None:
+    """A ball around all objects that have an end; None where none has."""
+    balls = [found for each in objects if (found := ball(each)) is not None]
+    if not balls:
+        return None
+    low = np.min([centre - radius for centre, radius in balls], axis=0)
+    high = np.max([centre + radius for centre, radius in balls], axis=0)
+    centre = (low + high) / 2
+    return centre, max(float(np.linalg.norm(each - centre)) + radius for each, radius in balls)
+
+
+def dark(light: Light) -> str | None:
+    """Why a light adds nothing, wherever it is."""
+    return "it gives no light" if light.intensity == 0 or not any(light.colour) else None
+
+
+def misses(light: Light, objects: Sequence[Object]) -> str | None:
+    """Why a light adds nothing to these objects."""
+    if not objects:
+        return "there is nothing to be lit"
+    if light.kind is not Kind.SPOT:
+        return None
+    if any(_enters(light, each) for each in objects):
+        return None
+    return "nothing lies in its cone"
+
+
+def _enters(light: Light, each: Object) -> bool:
+    axis = np.array(light.direction) / np.linalg.norm(light.direction)
+    outer = math.radians(light.outer)
+    if isinstance(each, Plane):
+        normal = np.array(each.normal) / np.linalg.norm(each.normal)
+        above = float(np.dot(np.array(light.position) - each.point, normal))
+        # The ray of the cone that turns most against the side on which the light is.
+        steepest = math.acos(min(max(float(np.dot(axis, normal)) * math.copysign(1.0, above), -1.0), 1.0)) + outer
+        return above == 0 or steepest > math.pi / 2 - 1e-9
+    found = ball(each)
+    assert found is not None, "only planes have no ball"
+    to = found[0] - np.array(light.position)
+    distance = float(np.linalg.norm(to))
+    if distance <= found[1]:
+        return True
+    off = math.atan2(float(np.linalg.norm(np.cross(axis, to))), float(np.dot(axis, to)))
+    return off - math.asin(found[1] / distance) <= outer + 1e-9
+
+
+def unshadowed(objects: Sequence[Object]) -> str | None:
+    """Why no object hides a light from another, nor from itself."""
+    if len(objects) == 1 and not isinstance(objects[0], Blob):
+        return "one convex object hides nothing of itself that faces the light"
+    return None
+
+
+def same_roughness(objects: Sequence[Object]) -> float | None:
+    """The roughness that all objects have, or None."""
+    found = {each.roughness for each in objects}
+    return found.pop() if len(found) == 1 else None

@@ -1,0 +1,98 @@
+"""Shadows of a ball on a floor against the rays from the floor to the light, and maps in few bits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lichen
+from lichen.errors import InvalidRequest
+
+BALL, RADIUS = np.array([0.0, 1.0, 0.0]), 0.6
+LAMP = {"light_eye": [1.0, 4.0, 0.5], "light_target": [0, 0.5, 0], "light_fov": 60.0}
+FLAT = {"light_eye": [2.0, 6.0, 1.0], "light_target": [0, 0.5, 0], "light_extent": 5.0}
+OBJECTS = [{"shape": "sphere", "centre": BALL.tolist(), "radius": RADIUS}, {"shape": "plane"}]
+
+
+def scene(light: dict[str, object], texels: int = 256) -> dict[str, np.ndarray]:
+    """The light's map, and the floor with its normals as positions."""
+    seen = {key.removeprefix("light_"): value for key, value in light.items()}
+    depths = lichen.run("gbuffer", width=texels, height=texels, objects=OBJECTS, **seen).image.pixels
+    x, z = np.meshgrid(np.linspace(-1.5, 1.5, 121), np.linspace(-1.2, 1.2, 97))
+    floor = np.stack([x, 0 * x, z], axis=-1).astype(np.float32)
+    up = np.broadcast_to(np.float32([0, 2, 0]), floor.shape).copy()
+    return {"map": depths, "depth": floor, "normal": up}
+
+
+def clearance(floor: np.ndarray, light: dict[str, object]) -> np.ndarray:
+    """How far the ray from every point to the light passes by the ball: below 0 it is in shadow."""
+    eye = np.array(light["light_eye"])
+    way = eye - np.array(light["light_target"]) if "light_extent" in light else eye - floor
+    way = way / np.linalg.norm(way, axis=-1, keepdims=True)
+    to = BALL - floor
+    nearest = to - (to * way).sum(-1, keepdims=True) * way
+    return np.linalg.norm(nearest, axis=-1) - RADIUS
+
+
+@pytest.mark.parametrize("light", [LAMP, FLAT], ids=["perspective", "parallel"])
+def test_shadow_is_where_the_ray_to_the_light_is_stopped(light: dict[str, object]) -> None:
+    inputs = scene(light)
+    share = lichen.run("shadow", **inputs, **light).image.pixels[..., 0]
+    away = clearance(inputs["depth"].astype(np.float64), light)
+    clear = np.abs(away) > 0.03
+    assert np.count_nonzero(away < -0.03) > 300
+    assert np.array_equal(share[clear], (away > 0)[clear].astype(np.float32))
+    soft = lichen.run("shadow", **inputs, **light, filter=4).image.pixels[..., 0]
+    wide = np.abs(away) > 0.1
+    assert np.array_equal(soft[wide], (away > 0)[wide].astype(np.float32))
+    assert np.any((soft > 0.05) & (soft < 0.95))
+
+
+@pytest.mark.parametrize("kind", ["pcf", "pcss", "variance"])
+def test_backends_give_the_same_bits(kind: str) -> None:
+    inputs = scene(LAMP, 96)
+    for further in ({}, {"outside": "dark", "slope": 0.5}):
+        for given in (inputs, {key: value for key, value in inputs.items() if key != "normal"}):
+            first, second = (
+                lichen.run("shadow", **given, **LAMP, kind=kind, filter=5, device=device, **further).image.pixels
+                for device in ("opencl", "numpy")
+            )
+            assert np.array_equal(first, second)
+
+
+def test_penumbra_widens_with_the_distance_from_what_stands_before_it() -> None:
+    """The lit share in the middle of the edge, over light sources of growing width."""
+    inputs = scene(FLAT)
+    widths = []
+    for source in (0.05, 0.1, 0.2):
+        share = lichen.run("shadow", **inputs, **FLAT, kind="pcss", filter=24, source=source).image.pixels
+        widths.append(np.count_nonzero((share > 0.02) & (share < 0.98)))
+    assert widths[0] * 1.5 < widths[1]
+    assert widths[1] * 1.5 < widths[2]
+
+
+def test_few_bits_move_shadows_and_many_do_not() -> None:
+    inputs = scene(LAMP)
+    wrong = {}
+    exact = lichen.run("shadow", **inputs, **LAMP, light_near=0.1, light_far=600.0).image.pixels
+    for method in ("linear", "window"):
+        for bits in (8, 12, 16, 24):
+            made = lichen.run(
+                "shadow", **inputs, **LAMP, light_near=0.1, light_far=600.0, method=method, bits=bits
+            ).image.pixels
+            wrong[method, bits] = float(np.mean(made != exact))
+    assert wrong["linear", 8] > 0.001
+    assert wrong["linear", 16] <= wrong["linear", 12] <= wrong["linear", 8]
+    assert wrong["linear", 24] == wrong["window", 24] == 0
+
+
+def test_flaws_are_named_together() -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.run(
+            "shadow", map=np.ones((4, 4, 1)), depth=np.ones((4, 5, 1)), normal=np.ones((4, 4, 3)), light_near=2,
+            light_far=2, light_eye=[0, 0, 0], light_target=[0, 0, 0], kind="variance",
+        )  # fmt: skip
+    pointers = {each.pointer for each in caught.value.flaws}
+    assert pointers == {
+        "/inputs/normal", "/parameters/light_far", "/parameters/light_target", "/parameters/filter",
+    }  # fmt: skip

@@ -1,0 +1,200 @@
+"""Scenes: what they are lowered to, what is left out, and that leaving it out changes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lichen
+from lichen.errors import InvalidRequest
+from lichen.opencl.session import Session
+
+STILL: dict[str, Any] = {
+    "camera": {"eye": [0.6, 1.6, 4.5], "target": [0, 0.6, 0], "fov": 42, "width": 72, "height": 54},
+    "objects": [
+        {"shape": "plane", "albedo": [0.75, 0.75, 0.72], "checker": [0.25, 0.28, 0.33], "check": 0.8},
+        {"shape": "sphere", "centre": [-0.9, 0.7, 0], "radius": 0.7, "albedo": [0.8, 0.15, 0.08]},
+        {"shape": "box", "centre": [0.9, 0.45, 0.6], "size": [0.8, 0.9, 0.8], "turn": 25, "albedo": [0.2, 0.4, 0.75]},
+    ],
+    "lights": [
+        {"kind": "point", "position": [3, 4, 3], "intensity": 18, "shadow": {"filter": 3, "size": 128}},
+        {"kind": "directional", "direction": [0.6, -1, -0.3], "intensity": 0.25},
+    ],
+    "ambient": [0.05, 0.06, 0.08],
+    "background": [0.55, 0.65, 0.8],
+    "fog": {"kind": "height", "density": 0.12, "falloff": 1.5, "colour": [0.6, 0.68, 0.8]},
+}
+SPOT = {
+    "kind": "spot",
+    "position": [0, 5, 0],
+    "direction": [0, 1, 0],
+    "intensity": 9,
+    "outer": 40,
+    "shadow": {"size": 64},
+}
+DARK = {"kind": "point", "position": [1, 1, 1], "intensity": 0, "shadow": {"size": 64}}
+ALONE = {"objects": STILL["objects"][1:2], "lights": [{**STILL["lights"][0], "shadow": {"size": 64}}]}
+SCENES: dict[str, dict[str, Any]] = {
+    "all of it": STILL,
+    "no fog, black background": {**STILL, "fog": {"density": 0}, "background": [0, 0, 0]},
+    "lights that light nothing": {**STILL, "lights": [*STILL["lights"], SPOT, DARK]},
+    "one convex object": {**STILL, **ALONE},
+    "a point that pretends": {**STILL, "lights": [{**STILL["lights"][0], "shadow": {"kind": "pcss", "size": 64}}]},
+    "from a side, in layers": {
+        **STILL,
+        "camera": {**STILL["camera"], "extent": 4.0},
+        "fog": {"kind": "layered", "heights": [0, 0.5, 2], "densities": [0.4, 0.0, 0.1], "density": 0.5},
+        "surface": {"model": "blinn_phong", "highlight": [0.5, 0.5, 0.5]},
+    },
+    "in no light at all": {**STILL, "lights": [DARK], "ambient": [0, 0, 0]},
+}
+
+
+@pytest.fixture
+def launched(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The kernels that are launched, by their sources."""
+    found: list[str] = []
+    launch = Session.launch
+
+    def counting(self: Session, source: str, kernel: str, *arguments: Any, **further: Any) -> None:
+        found.append(source)
+        launch(self, source, kernel, *arguments, **further)
+
+    monkeypatch.setattr(Session, "launch", counting)
+    return found
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+def test_what_is_left_out_changes_nothing(name: str) -> None:
+    pruned = lichen.render(SCENES[name])
+    whole = lichen.render(SCENES[name], prune=False)
+    apart = np.abs(pruned.image.pixels - whole.image.pixels).max()
+    assert apart <= pruned.error.value + whole.error.value
+    assert apart < 1e-5
+    assert not [each for each in whole.decisions if each.pass_ == "scene" and each.action == "not lowered"]
+    assert np.isfinite(pruned.image.pixels).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "source"),
+    [
+        ({"fog": None}, "fog/"),
+        ({"fog": {"density": 0}}, "fog/"),
+        ({"lights": STILL["lights"][1:]}, "shadow/"),
+        ({"objects": STILL["objects"][1:2]}, "shadow/"),
+        ({"background": [0, 0, 0]}, "scene/background"),
+        ({"ambient": [0, 0, 0]}, "arithmetic/expression"),
+        ({"lights": [SPOT, DARK]}, "shadow/"),
+        ({"lights": [SPOT, DARK]}, "lighting/"),
+        ({"output": "light"}, "fog/"),
+    ],
+)
+def test_effects_that_are_off_launch_no_kernel(changes: dict[str, Any], source: str, launched: list[str]) -> None:
+    lichen.render(STILL, device="opencl")
+    assert any(each.startswith(source) for each in launched), "the effect is on, and counted"
+    launched.clear()
+    lichen.render({**STILL, **changes}, device="opencl")
+    assert launched
+    assert not [each for each in launched if each.startswith(source)]
+
+
+def test_every_decision_of_the_scene_has_its_reason() -> None:
+    plan = lichen.explain_scene(SCENES["lights that light nothing"])
+    said = {each.node: each.reason for each in plan.decisions if each.pass_ == "scene"}
+    assert said["light_2"] == "nothing lies in its cone"
+    assert said["light_3"] == "it gives no light"
+    assert all(each.reason for each in plan.decisions)
+    single = lichen.explain_scene({**STILL, **ALONE})
+    assert any("convex" in each.reason for each in single.decisions)
+
+
+def test_shadow_darkens_and_fog_brightens_where_they_should() -> None:
+    bare = {**STILL, "fog": None, "ambient": [0, 0, 0], "lights": STILL["lights"][:1]}
+    unshadowed = {**bare, "lights": [{**STILL["lights"][0], "shadow": None}]}
+    with_shadow, without = (lichen.render(each).image.pixels for each in (bare, unshadowed))
+    assert (with_shadow <= without + 1e-5).all()
+    assert np.count_nonzero(with_shadow.sum(-1) < 0.1 * without.sum(-1)) > 100
+    foggy = lichen.render(STILL).image.pixels
+    clear = lichen.render({**STILL, "fog": None}).image.pixels
+    sky = np.isinf(lichen.render({**STILL, "output": "depth"}).image.pixels[..., 0])
+    assert sky.any()
+    assert np.abs(foggy[~sky] - clear[~sky]).max() > 0.02
+
+
+def buffers() -> dict[str, np.ndarray]:
+    """What a renderer would send: the same scene, seen from the camera."""
+    camera = {key: STILL["camera"][key] for key in ("eye", "target", "fov", "width", "height")}
+    made = {
+        name: lichen.run("gbuffer", objects=STILL["objects"], buffer=name, **camera).image
+        for name in ("depth", "normal", "albedo")
+    }
+    return {name: image.pixels if name != "albedo" else image for name, image in made.items()}
+
+
+def test_buffers_sent_along_are_lit_like_objects() -> None:
+    """The lamp goes with the camera, so that both axes agree on it."""
+    lamp = {"kind": "point", "position": [0.6, 1.6, 4.5], "intensity": 12}
+    objects = {**STILL, "lights": [lamp], "fog": {"density": 0.1, "colour": [0.6, 0.7, 0.8]}}
+    sent = {
+        "camera": {"fov": 42},
+        "buffers": {"depth": "z", "normal": "n", "albedo": "a"},
+        "lights": [{**lamp, "position": [0, 0, 0]}],
+        **{key: objects[key] for key in ("ambient", "background", "fog")},
+    }
+    given = buffers()
+    made = lichen.render(sent, images={"z": given["depth"], "n": given["normal"], "a": given["albedo"]})
+    np.testing.assert_allclose(made.image.pixels, lichen.render(objects).image.pixels, atol=2e-5)
+
+
+def test_random_scenes_are_the_same_pruned_and_whole() -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(6):
+        made = random_scene(rng)
+        pruned, whole = lichen.render(made), lichen.render(made, prune=False)
+        apart = np.abs(pruned.image.pixels - whole.image.pixels).max()
+        assert apart <= 1e-5 * max(1.0, float(np.abs(whole.image.pixels).max())), made
+
+
+def random_scene(rng: np.random.Generator) -> Mapping[str, Any]:
+    def vector(low: float, high: float) -> list[float]:
+        return rng.uniform(low, high, 3).round(2).tolist()
+
+    objects: list[dict[str, Any]] = [{"shape": "plane", "point": [0, -1, 0]}] if rng.random() < 0.7 else []
+    for _ in range(rng.integers(1, 4)):
+        objects.append(
+            {"shape": "sphere", "centre": vector(-1, 1), "radius": 0.4, "albedo": vector(0, 1)}
+            if rng.random() < 0.6
+            else {"shape": "box", "centre": vector(-1, 1), "size": [0.5, 0.6, 0.4], "turn": 20}
+        )
+    lights = [
+        {
+            "kind": str(rng.choice(["point", "spot", "directional"])), "position": vector(2, 4),
+            "direction": vector(-1, 1), "intensity": float(rng.choice([0.0, 5.0])),
+            **({"shadow": {"size": 48, "filter": 2}} if rng.random() < 0.5 else {}),
+        }
+        for _ in range(rng.integers(1, 4))
+    ]  # fmt: skip
+    return {
+        "camera": {"eye": [0, 0.5, 5], "target": [0, 0, 0], "width": 40, "height": 30},
+        "objects": objects, "lights": lights, "ambient": [0.1, 0.1, 0.1],
+        "background": [0.2, 0.3, 0.4] if rng.random() < 0.5 else [0, 0, 0],
+        "fog": {"density": float(rng.choice([0.0, 0.1]))} if rng.random() < 0.7 else None,
+    }  # fmt: skip
+
+
+def test_flaws_are_told_where_the_author_wrote_them() -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.render({"camera": {"fov": 0}, "lights": [{"kind": "sun"}], "nonsense": 1})
+    assert {"/camera/fov", "/lights/0/kind", "/nonsense"} <= {each.pointer for each in caught.value.flaws}
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.render({**STILL, "fog": {"density": -1}})
+    assert {each.pointer for each in caught.value.flaws} == {"/fog/density"}
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.render({**STILL, "surface": {"model": "chrome"}})
+    assert {each.pointer for each in caught.value.flaws} == {"/surface/model"}
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.render({"buffers": {"depth": "d", "position": "p"}, "objects": [{"shape": "plane"}], "lights": [{}]})
+    assert {each.pointer for each in caught.value.flaws} == {"/buffers", "/buffers/position", "/buffers/normal"}
