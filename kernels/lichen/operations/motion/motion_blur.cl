@@ -67,14 +67,29 @@ inline void walk(TOTAL *restrict total, const Picture *picture, double u, double
     }
 }
 
+// Between a and b; a neighbour of no weight takes no part.
+inline float mixed(float a, float b, float t) { return t == 0.0f ? a : (1.0f - t) * a + t * b; }
+
 inline void sampled(TOTAL *restrict total, const Picture *picture, double u, double v, double a, double b, double first,
                     double last, int samples)
 {
+    double step = (last - first) / samples, x0 = u - a * first, x1 = u - a * last, y0 = v - b * first, y1 = v - b * last;
+    bool inside = fmin(x0, x1) >= 0 && fmax(x0, x1) < picture->width - 1 && fmin(y0, y1) >= 0 &&
+                  fmax(y0, y1) < picture->height - 1;
+    size_t below = (size_t)CHANNELS * picture->width;
     for (int k = 0; k < samples; k++) {
-        double t = first + (last - first) * (k + 0.5) / samples, x = u - a * t, y = v - b * t;
+        double t = first + step * (k + 0.5), x = u - a * t, y = v - b * t;
         double left = floor(x), top = floor(y);
         float fx = (float)(x - left), fy = (float)(y - top);
         int column = (int)left, row = (int)top;
+        if (inside) {
+            global const float *p = picture->pixels + CHANNELS * ((size_t)row * picture->width + column);
+            for (int c = 0; c < CHANNELS; c++) {
+                float upper = mixed(p[c], p[CHANNELS + c], fx), lower = mixed(p[below + c], p[below + CHANNELS + c], fx);
+                total[c] += mixed(upper, lower, fy);
+            }
+            continue;
+        }
         add(total, picture, column, row, (1 - fy) * (1 - fx));
         add(total, picture, column + 1, row, (1 - fy) * fx);
         add(total, picture, column, row + 1, fy * (1 - fx));

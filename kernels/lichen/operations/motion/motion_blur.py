@@ -232,7 +232,7 @@ def _work(p: Parameters, each: float, facts: InputFacts) -> float:
     "exact",
     error=_exact_error,
     work=lambda p, knob, facts: _work(p, 1 + 4 * _longest(p, facts) * p.shutter / math.sqrt(2), facts),
-    rates={"opencl": Rate(3e-4, 3e-9), "numpy": Rate(1e-3, 6e-8)},
+    rates={"opencl": Rate(3e-4, 5e-10), "numpy": Rate(1e-3, 6e-8)},
 )
 class Exact:
     """From crossing to crossing of the lines through pixel centres, where Simpson's rule has no error."""
@@ -251,7 +251,7 @@ class Exact:
     knob=Knob("samples", (4, 8, 16, 32, 64), "bilinear samples along each path", 2, 256),
     error=_sampled_error,
     work=lambda p, knob, facts: _work(p, knob, facts),
-    rates={"opencl": Rate(3e-4, 1.5e-9), "numpy": Rate(1e-3, 6e-8)},
+    rates={"opencl": Rate(3e-4, 2.5e-9), "numpy": Rate(1e-3, 6e-8)},
 )
 class Sampled:
     """The mean of bilinear samples at even distances."""
