@@ -80,11 +80,7 @@ class Service:
         self._described = described = Catalogue(settings)
         system, accuracy = System(settings, self.readiness), Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
-<<<<<<< HEAD
-        pipelines, textures = Pipelines(settings, self._running), Textures()
-=======
-        pipelines, scenes = Pipelines(settings, self._running), Scenes(settings, self._running)
->>>>>>> shadow
+        pipelines, scenes, textures = Pipelines(settings, self._running), Scenes(settings, self._running), Textures()
         self.jobs = _jobs(settings, self.assets, self.handle, check)
         self.metrics = Metrics(catalogue.operations())
         self.routes: tuple[Route, ...] = (
@@ -93,12 +89,9 @@ class Service:
             Route("/v1/operations", {"GET": described.list}),
             Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, None, check, "run"),
             Route(PIPELINES, dict.fromkeys(("POST", "QUERY"), pipelines.run), True, None, pipelines.check, "run"),
-<<<<<<< HEAD
+            Route(SCENES, dict.fromkeys(("POST", "QUERY"), scenes.run), True, None, scenes.check, "run"),
             Route(TEXTURES, {"GET": textures.list}),
             Route(f"{TEXTURES}/{{name}}", {"GET": textures.one}),
-=======
-            Route(SCENES, dict.fromkeys(("POST", "QUERY"), scenes.run), True, None, scenes.check, "run"),
->>>>>>> shadow
             Route(ASSETS, {"PUT": stored.put}, True, readable(), scope="assets"),
             Route(f"{ASSETS}/{{name}}", {"GET": stored.get, "DELETE": stored.delete}, scope="assets"),
             Route("/v1/accuracy", {"GET": accuracy.list}),
