@@ -18,7 +18,7 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install develop serve test lint format fuzz soak bench accuracy audit lock container-test clean
+.PHONY: help install develop serve test lint format fuzz soak bench client accuracy audit lock container-test clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z-]*\):[^#]*## */  make \1 @/p' $(firstword $(MAKEFILE_LIST)) | awk -F@ '{ printf "%-24s%s\n", $$1, $$2 }'
@@ -59,6 +59,9 @@ soak: $(VENV)/.development ## serve for SECONDS, and show that memory, threads a
 
 bench: $(VENV)/.development ## measure speed and error beside the peers
 	@set -e; for script in $(or $(ARGS),tests/benchmarks/bench_*.py); do $(BIN)/python $$script; done
+
+client: $(VENV)/.development ## write the Python client's methods anew, from the catalogue
+	@$(BIN)/python clients/python/make.py
 
 accuracy: $(VENV)/.development ## measure what accuracy costs and write docs/accuracy (ARGS=--full for every error anew)
 	@$(BIN)/python docs/accuracy/make.py $(ARGS)

@@ -20,6 +20,7 @@ COMMANDS = {
     "config": ("lichen_cli.config", "show the settings of the service and where each comes from"),
     "keys": ("lichen_cli.keys", "make, list and revoke the keys that callers need"),
     "run": ("lichen_cli.run", "run an operation on image files"),
+    "batch": ("lichen_cli.batch", "run the lines of a manifest, here, on a service or on a cluster"),
     "operations": ("lichen_cli.operations", "list the operations, or describe one"),
     "textures": ("lichen_cli.textures", "list named textures, or print the pipeline of one"),
     "accuracy": ("lichen_cli.accuracy", "show what accuracy costs in time"),
