@@ -150,10 +150,10 @@ class _Pipeline(_Line):
             for name, each in self.formats.items()
             if each not in FORMATS
         ]
-        return self._made(id, None, _document(pipeline, self.formats))
+        return self._made(id, None, document(pipeline, self.formats))
 
 
-def _document(pipeline: Pipeline, formats: Mapping[str, str]) -> dict[str, Any]:
+def document(pipeline: Pipeline, formats: Mapping[str, str]) -> dict[str, Any]:
     """The pipeline as JSON, with the format of each output that is wanted."""
     nodes = {name: {**dict(_said(step)), "inputs": dict(step.inputs)} for name, step in pipeline.steps.items()}
     outputs = {

@@ -4,6 +4,8 @@ The manifest is checked whole before anything starts. Progress goes to standard 
 summary to standard output as JSON. Statuses: 0 all done; 2 some failed; 3 the manifest or the command is not valid, or
 the run could not go on; 130 and 143 after SIGINT and SIGTERM. Under a Kubernetes Indexed Job, 42 says that trying
 this index again cannot help.
+
+`lichen batch tiles IN OUT` computes one image that is larger than memory.
 """
 
 from __future__ import annotations
@@ -41,8 +43,12 @@ def main(arguments: Sequence[str]) -> int:
         if not arguments or arguments[0] in ("-h", "--help"):
             parser.print_help()
             return 0 if arguments else FATAL
+        if arguments[0] == "tiles":
+            from lichen_cli import tiles
+
+            return tiles.main(arguments[1:])
         if arguments[0] != "run":
-            raise Usage(f"there is only 'lichen batch run' (got {arguments[0]!r})")
+            raise Usage(f"there are 'lichen batch run' and 'lichen batch tiles' (got {arguments[0]!r})")
         return _run(parser.parse_args(arguments[1:]))
     except Usage as wrong:
         return _fatal(str(wrong))

@@ -25,6 +25,8 @@ COMMANDS = {
     "textures": ("lichen_cli.textures", "list named textures, or print the pipeline of one"),
     "accuracy": ("lichen_cli.accuracy", "show what accuracy costs in time"),
     "calibrate": ("lichen_cli.calibrate", "measure how fast this machine is, so that plans promise its times"),
+    "warm": ("lichen_cli.warm", "compile all kernels, so that nobody waits for that later"),
+    "completion": ("lichen_cli.completion", "print what a shell needs to complete commands and options"),
     "doctor": ("lichen_cli.doctor", "find out what works on this machine, and why the rest does not"),
 }
 
