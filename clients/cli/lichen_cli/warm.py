@@ -1,4 +1,4 @@
-"""`lichen warm`: runs every method of every operation once on something tiny, which compiles its kernels and keeps them.
+"""`lichen warm`: runs every method of every operation once on something tiny, which compiles its kernels.
 
 For container images and first starts: what is compiled lies in the runtime's cache folder (`POCL_CACHE_DIR`).
 """
