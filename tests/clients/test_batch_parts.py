@@ -86,6 +86,16 @@ def test_pipelines_and_several_places_have_names(photos: Path) -> None:
     assert second.outputs == {"result": "out/b.png"}
 
 
+def test_a_scene_is_a_line_too(photos: Path) -> None:
+    ball = {"objects": [{"shape": "sphere"}], "lights": [{"kind": "point"}], "camera": {"width": 8, "height": 8}}
+    source = lines(photos, {"id": "s", "scene": ball, "output": "s.exr", "parameters": {"max_error": 0.1}})
+    (item,) = manifest.load(source, Defaults(operation="gaussian"), "out")
+    assert (item.operation, item.scene, item.formats) == (None, ball, {"result": "exr"})
+    wrong = lines(photos, {"id": "s", "scene": {**ball, "mist": 1, "camera": {"fov": 500}}, "output": "s.exr"})
+    assert flaws_of(wrong) == {(1, "/mist"), (1, "/camera/fov")}
+    assert flaws_of(lines(photos, {"id": "s", "scene": "{", "output": "s.exr"})) == {(1, "/scene")}
+
+
 def test_every_flaw_of_every_line_is_found_at_once(photos: Path) -> None:
     good = {"operation": "gaussian", "input": "a.npy", "output": "a.png", "parameters": {"sigma": 2}}
     source = lines(

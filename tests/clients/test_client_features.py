@@ -123,6 +123,21 @@ def test_pipelines_and_stored_images_work_here_too(local: Client, image: np.ndar
     assert again.array.shape[:2] == (21, 34)
 
 
+SCENE = {
+    "camera": {"eye": [0, 1.5, 4], "target": [0, 0.6, 0], "width": 24, "height": 18},
+    "objects": [{"shape": "plane"}, {"shape": "sphere", "centre": [0, 0.8, 0], "radius": 0.8}],
+    "lights": [{"kind": "point", "position": [3, 5, 2], "intensity": 30}],
+}
+
+
+def test_a_scene_is_rendered_and_explained(local: Client) -> None:
+    picture = local.render(SCENE, device="numpy", format="png")
+    assert Pillow.open(io.BytesIO(picture.content)).size == (24, 18)
+    assert local.explain_scene(SCENE)["nodes"]
+    with pytest.raises(Unprocessable, match="mist"):
+        local.render({**SCENE, "mist": 1})
+
+
 def test_the_asynchronous_client_works_here_too(image: np.ndarray) -> None:
     async def once() -> np.ndarray:
         async with AsyncClient(local=True) as client:

@@ -7,6 +7,7 @@ words, as a request would be.
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -20,6 +21,8 @@ from lichen.operation import Operation
 from lichen.planning.graph import RESULT
 from lichen.planning.pipeline import Pipeline, escaped, nodes_of, read
 from lichen.planning.plan import ENGINE_VERSION
+from lichen.scene.description import read as read_scene
+from lichen.scene.lowering import lower
 from lichen_batch import places
 from lichen_batch.item import Item
 from lichen_service import queries
@@ -41,6 +44,7 @@ def check(
     id: str,
     operation: str | None,
     pipeline: Any,
+    scene: Any,
     inputs: Mapping[str, str],
     outputs: Mapping[str, str],
     values: Mapping[str, Any],
@@ -52,6 +56,8 @@ def check(
         except UnknownOperation as unknown:
             return Checked(None, (Flaw("/operation", unknown.detail),))
         return _Operation(found, inputs, outputs, values).checked(id)
+    if scene is not None:
+        return _Scene(scene, inputs, outputs, values).checked(id)
     return _Pipeline(pipeline, inputs, outputs, values).checked(id)
 
 
@@ -93,11 +99,17 @@ class _Line:
             except LichenError as unknown:
                 self.flaws.append(Flaw(f"/outputs/{escaped(name)}", unknown.detail))
 
-    def _made(self, id: str, operation: str | None, pipeline: Mapping[str, Any] | None) -> Checked:
+    def _made(
+        self,
+        id: str,
+        operation: str | None,
+        pipeline: Mapping[str, Any] | None,
+        scene: Mapping[str, Any] | None = None,
+    ) -> Checked:
         if self.flaws:
             return Checked(None, tuple(dict.fromkeys(self.flaws)))
         values = {name: value for name, value in self.values.items() if name != "format"}
-        item = Item(id, operation, pipeline, self.inputs, self.outputs, self.formats, values)
+        item = Item(id, operation, pipeline, self.inputs, self.outputs, self.formats, values, scene=scene)
         return Checked(dataclasses.replace(item, digest=item.digested(VERSION)))
 
 
@@ -151,6 +163,29 @@ class _Pipeline(_Line):
             if each not in FORMATS
         ]
         return self._made(id, None, document(pipeline, self.formats))
+
+
+class _Scene(_Line):
+    def __init__(self, said: Mapping[str, Any] | str, *rest: Any) -> None:
+        super().__init__(*rest)
+        self._said = said
+
+    def checked(self, id: str) -> Checked:
+        options, _, flaws = queries.read_options(tuple(as_query(self.values)), ())
+        self.flaws += flaws
+        if options.explain:
+            self.flaws.append(Flaw("/query/explain", "computes nothing; a batch does"))
+        try:
+            said = json.loads(self._said) if isinstance(self._said, str) else self._said
+            scene = read_scene(said)
+            lower(scene, prune=options.prune)
+        except ValueError as broken:
+            return Checked(None, (*self.flaws, Flaw("/scene", f"is not JSON: {broken}")))
+        except InvalidRequest as invalid:
+            return Checked(None, (*self.flaws, *invalid.flaws))
+        self._settle_inputs(tuple(scene.names), tuple(scene.names), "the scene")
+        self._settle_outputs({RESULT: None}, bare=False)
+        return self._made(id, None, None, said)
 
 
 def document(pipeline: Pipeline, formats: Mapping[str, str]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ OK, FAILED = "ok", "failed"
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """What is to be done under one id. Either `operation` is a name or `pipeline` a document."""
+    """What is to be done under one id: `operation` is a name, or `pipeline` or `scene` is a document."""
 
     id: str
     operation: str | None
@@ -27,7 +27,8 @@ class Item:
     values: Mapping[str, Any] = field(default_factory=dict)
     """parameters, knobs and the service's own names"""
     digest: str = ""
-    """stands for all of the above and for the engine that does it"""
+    """stands for all of this and for the engine that does it"""
+    scene: Mapping[str, Any] | None = None
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)

@@ -4,7 +4,7 @@ A manifest is a file of JSON lines, a CSV file with a line of names, or a patter
 
     {"id": "a17", "operation": "gaussian", "input": "a17.exr", "output": "soft/a17.exr", "parameters": {"sigma": 5}}
 
-or `"pipeline"` (text or a graph) instead of `"operation"`. `inputs` and `outputs` name several places by their names.
+or `"pipeline"` (text or a graph) or `"scene"` instead of `"operation"`. `inputs` and `outputs` name several places.
 `parameters` holds whatever a query of the service may: parameters, knobs, `max_error`, `method`, `storage` ... In CSV a
 column that is none of these words is a parameter, and an empty cell says nothing. What a line leaves out the command
 line may say for all. Inputs are seen from the manifest's folder, outputs from the folder of results.
@@ -27,7 +27,7 @@ from lichen_batch import places
 from lichen_batch.checking import Checked, check
 from lichen_batch.item import Item
 
-WORDS = ("id", "operation", "op", "pipeline", "input", "inputs", "output", "outputs", "parameters", "params")
+WORDS = ("id", "operation", "op", "pipeline", "scene", "input", "inputs", "output", "outputs", "parameters", "params")
 MOST_SHOWN = 200
 """Flaws that an error lists; the others are counted."""
 
@@ -164,28 +164,29 @@ class _Reader:
         first = next(iter(inputs.values()), "")
         self.id = self.id or first or f"line-{self._number}"
         inputs = {name: places.resolved(place, self._folder) for name, place in inputs.items()}
-        operation, pipeline = self._what()
+        operation, pipeline, scene = self._what()
         self.outputs = {
             name: places.resolved(place, self._out)
             for name, place in (self._named("output", "outputs") or self._from_template(first)).items()
         }
         if self.flaws:
             return Checked(None)
-        return check(self.id, operation, pipeline, inputs, self.outputs, self._parameters())
+        return check(self.id, operation, pipeline, scene, inputs, self.outputs, self._parameters())
 
-    def _what(self) -> tuple[str | None, Any]:
+    def _what(self) -> tuple[str | None, Any, Any]:
+        """Operation, pipeline and scene, of which there is one."""
         line, defaults = self._line, self._defaults
-        operation, pipeline = self._either("operation", "op"), line.get("pipeline")
-        if operation is None and pipeline is None:
+        operation, pipeline, scene = self._either("operation", "op"), line.get("pipeline"), line.get("scene")
+        if operation is None and pipeline is None and scene is None:
             operation, pipeline = defaults.operation, defaults.pipeline
-        if (operation is None) == (pipeline is None):
-            self._flaw("/operation", "either an operation or a pipeline is required, here or on the command line")
-        elif operation is not None and not isinstance(operation, str):
+        if sum(each is not None for each in (operation, pipeline, scene)) != 1:
+            self._flaw("/operation", "one operation, pipeline or scene is required, here or on the command line")
+        if operation is not None and not isinstance(operation, str):
             self._flaw("/operation", "must be the name of an operation")
-            operation = None
-        elif pipeline is not None and not isinstance(pipeline, str | dict):
-            self._flaw("/pipeline", "must be text or an object")
-        return operation, pipeline
+        for name, document in (("pipeline", pipeline), ("scene", scene)):
+            if document is not None and not isinstance(document, str | dict):
+                self._flaw(f"/{name}", "must be text or an object")
+        return operation, pipeline, scene
 
     def _parameters(self) -> dict[str, Any]:
         given = self._either("parameters", "params")

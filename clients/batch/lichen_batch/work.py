@@ -102,6 +102,10 @@ def _ask(client: Client, item: Item, data: Mapping[str, bytes]) -> tuple[Mapping
     from lichen_client import ConnectionFailed, StatusError
 
     try:
+        if item.scene is not None:
+            format = next(iter(item.formats.values()))
+            picture = client.render(item.scene, images=data, format=format, **item.values)
+            return dict.fromkeys(item.outputs, picture), None
         if item.operation is None:
             assert item.pipeline is not None, "an item has an operation or a pipeline"
             results: Results = client.run_pipeline(item.pipeline, images=data, **item.values)

@@ -107,6 +107,36 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         )
         return await self._document(call)
 
+    async def render(
+        self,
+        scene: Mapping[str, Any] | str,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> Result:
+        """As `Client.render`."""
+        call = await asyncio.to_thread(
+            calls.pipeline_call, scene, None, images, wishes, format=format or "npy", kind="scene"
+        )
+        return calls.read_result(await self._converse(call))
+
+    async def explain_scene(
+        self,
+        scene: Mapping[str, Any] | str,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> dict[str, Any]:
+        """As `Client.explain_scene`."""
+        call = await asyncio.to_thread(
+            calls.pipeline_call, scene, None, images, wishes, format=format, explain=True, kind="scene"
+        )
+        return await self._document(call)
+
     async def submit(
         self,
         operation: str,

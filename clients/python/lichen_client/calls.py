@@ -153,17 +153,18 @@ def pipeline_call(
     *,
     format: str | None,
     explain: bool = False,
+    kind: str = "pipeline",
 ) -> Call:
-    """The request that runs (or only explains) a pipeline: a form of the pipeline and its pictures."""
+    """The request that runs (or only explains) a pipeline, or a scene: a form of it and its pictures."""
     sent, kept = _sent(_together(image, images or {}), _FIRST)
     said = document_of(pipeline).encode()
-    parts = (Part("pipeline", said, "application/json"), *sent)
+    parts = (Part(kind, said, "application/json"), *sent)
     asked = {name: as_text(value) for name, value in wishes.items() if value is not None}
     wanted = {} if format is None else {"format": format}
     query = urlencode({**asked, **kept, **wanted, **({"explain": "true"} if explain else {})}, quote_via=quote)
     return Call(
         method="QUERY",
-        target="/v1/pipelines" + (f"?{query}" if query else ""),
+        target=f"/v1/{kind}s" + (f"?{query}" if query else ""),
         parts=parts,
         accept="application/json" if explain else f"{MIXED}, {_form_of(format)};q=0.9",
     )

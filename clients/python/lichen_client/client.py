@@ -127,6 +127,32 @@ class Client(Transport, Operations[Result]):
         call = calls.pipeline_call(pipeline, image, images, wishes, format=format, explain=True)
         return self._document(call)
 
+    def render(
+        self,
+        scene: Mapping[str, Any] | str,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> Result:
+        """The picture of a scene, a mapping or its JSON, with the buffers it names in `images`. Raises as `run`."""
+        call = calls.pipeline_call(scene, None, images, wishes, format=format or "npy", kind="scene")
+        return calls.read_result(self._converse(call))
+
+    def explain_scene(
+        self,
+        scene: Mapping[str, Any] | str,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> dict[str, Any]:
+        """Which effects of a scene would run, and why the others would not; no pixel is computed."""
+        call = calls.pipeline_call(scene, None, images, wishes, format=format, explain=True, kind="scene")
+        return self._document(call)
+
     # ------------------------------------------------------------------------------------------- jobs and stored images
 
     def submit(

@@ -17,7 +17,9 @@ R = TypeVar("R", covariant=True)
 FIRST_INPUTS: Mapping[str, str] = {
     "accumulate": "image_1",
     "affine": "image",
+    "ambient_occlusion": "height",
     "arrange": "image",
+    "background": "image",
     "box": "image",
     "colour_map": "image",
     "compare": "image",
@@ -26,40 +28,56 @@ FIRST_INPUTS: Mapping[str, str] = {
     "convolve": "image",
     "critical_points": "field",
     "curve": "image",
+    "deproject": "depth",
+    "depth_of_field": "image",
     "derivative": "image",
     "difference": "image",
+    "disparity": "depth",
     "displace": "image",
     "dissolve": "image",
+    "emboss": "image",
     "equalise": "image",
     "expression": "a",
+    "fog": "image",
+    "frame_blur": "image",
     "gamma": "image",
     "gamut": "image",
     "gaussian": "image",
     "homography": "image",
+    "horizon_map": "height",
     "hue_rotate": "image",
     "laplacian": "image",
     "lens_distort": "image",
     "levels": "image",
     "lic": "field",
+    "lighting": "normal",
     "mask": "image",
     "matrix": "image",
     "median": "image",
     "mesh": "image",
     "mix": "image",
     "morphology": "image",
+    "motion_blur": "image",
+    "normal_map": "height",
+    "normals": "image",
     "ocio": "image",
     "outline": "image",
     "panorama": "image",
+    "parallax": "image",
     "pixel_texture": "image",
     "polar": "image",
+    "prefilter": "image",
     "premultiply": "image",
     "pyramid": "image",
     "quantise": "image",
+    "reflection": "normal",
     "remap": "image",
     "resize": "image",
     "rotate": "image",
     "saturation": "image",
+    "shadow": "map",
     "sharpen": "image",
+    "spherical_harmonics": "image",
     "statistics": "image",
     "streamlines": "field",
     "table3d": "image",
@@ -67,6 +85,7 @@ FIRST_INPUTS: Mapping[str, str] = {
     "tone_map": "image",
     "transfer": "image",
     "vector": "image",
+    "vignette": "image",
     "z_composite": "image",
 }
 """What the first input of each operation is called."""
@@ -216,6 +235,55 @@ class Operations(Generic[R]):
             **options,
         )
 
+    def ambient_occlusion(
+        self,
+        height: ImageLike,
+        /,
+        *,
+        normal: ImageLike = None,
+        source: Literal["height", "depth"] | None = None,
+        scale: float | None = None,
+        pixel_size: float | None = None,
+        radius: float | None = None,
+        directions: int | None = None,
+        border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
+        value: float | None = None,
+        strength: float | None = None,
+        spacing: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Shows how much of the sky each pixel of a relief or of a scene's depths sees.
+
+        height: heights, or depths, in one channel
+        normal: which way surfaces face: x, y up, z
+        source: height: towards the viewer; depth: away from it, in perspective; default "height"
+        scale: of heights: how high the value 1 is; at least 0, at most 1000000; px; default 8.0
+        pixel_size: of depths: how large a pixel is at depth 1: 2 tan(fov / 2) over the picture's height; at least
+            1e-06, at most 1; default 0.002
+        radius: how far around itself a pixel looks; at least 1, at most 256; px; default 12.0
+        directions: evenly around, the first to the right, then counterclockwise; at least 4, at most 64; default 8
+        border: how the input continues beyond its edges; default "clamp"
+        value: what lies beyond a constant border; at least -1000000, at most 1000000; default 0.0
+        strength: how much of what is hidden is taken away; at least 0, at most 1; default 1.0
+        spacing: pixels between the places that a direction looks at; 1 to 16; a knob
+        method: march
+        """
+        return self.run(
+            "ambient_occlusion",
+            height,
+            normal=normal,
+            source=source,
+            scale=scale,
+            pixel_size=pixel_size,
+            radius=radius,
+            directions=directions,
+            border=border,
+            value=value,
+            strength=strength,
+            spacing=spacing,
+            **options,
+        )
+
     def arrange(
         self,
         image: ImageLike,
@@ -260,6 +328,25 @@ class Operations(Generic[R]):
             value=value,
             **options,
         )
+
+    def background(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        depth: ImageLike,
+        colour: float | Numbers | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Puts a colour where there is nothing: where depth is infinite.
+
+        image: a picture
+        depth: how far away each pixel is, or, of three channels, where
+        colour: the light where there is nothing; one number, or one for each colour channel; at least -1000000, at
+            most 1000000; default 0.0
+        method: exact
+        """
+        return self.run("background", image, depth=depth, colour=colour, **options)
 
     def box(
         self,
@@ -712,6 +799,68 @@ class Operations(Generic[R]):
             **options,
         )
 
+    def deproject(
+        self,
+        depth: ImageLike,
+        /,
+        *,
+        fov: float | None = None,
+        depth_kind: Literal["planar", "euclidean", "window", "reversed"] | None = None,
+        near: float | None = None,
+        far: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Turns a camera's depths into the points that they were seen at.
+
+        depth: how far away each pixel is
+        fov: the camera's vertical angle of view; at least 0.01, at most 175; deg; default 50.0
+        depth_kind: planar: along the viewing direction; euclidean: from the eye; window: 0 at near, 1 at far;
+            reversed: 1 to 0; default "planar"
+        near: of a window's depth; above 0, at most 1000000000; default 0.1
+        far: of a window's depth; none: infinitely far; above 0, at most 1000000000000
+        method: exact
+        """
+        return self.run("deproject", depth, fov=fov, depth_kind=depth_kind, near=near, far=far, **options)
+
+    def depth_of_field(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        depth: ImageLike,
+        focus: float | None = None,
+        blur: float | None = None,
+        largest: float | None = None,
+        blades: int | None = None,
+        rotation: float | None = None,
+        samples: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Blurs what lies off the plane in focus, as a lens with an aperture of a shape does.
+
+        image: a picture
+        depth: distances along the view
+        focus: depth of the plane in focus, in the units of the depths; above 0, at most 1000000000; default 1.0
+        blur: radius at which points at infinity are seen; at least 0, at most 10000; px; default 8.0
+        largest: no radius is larger; at least 0, at most 64; px; default 16.0
+        blades: of the aperture: 3 or more, or 0 for a disc; at least 0, at most 16; default 0
+        rotation: of the blades, to the left; at least -100000, at most 100000; deg; default 0.0
+        samples: pixels taken around each; 4 to 1024; a knob
+        method: gather, sampled
+        """
+        return self.run(
+            "depth_of_field",
+            image,
+            depth=depth,
+            focus=focus,
+            blur=blur,
+            largest=largest,
+            blades=blades,
+            rotation=rotation,
+            samples=samples,
+            **options,
+        )
+
     def derivative(
         self,
         image: ImageLike,
@@ -771,6 +920,30 @@ class Operations(Generic[R]):
         method: exact
         """
         return self.run("difference", image, reference=reference, formula=formula, source=source, **options)
+
+    def disparity(
+        self,
+        depth: ImageLike,
+        /,
+        *,
+        baseline: float | None = None,
+        convergence: float | None = None,
+        fov: float | None = None,
+        largest: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Tells from depths how far apart two eyes see each pixel.
+
+        depth: distances along the view
+        baseline: between the eyes, in the units of the depths; at least -1000000, at most 1000000; default 0.065
+        convergence: the depth that coincides; infinity if left out; above 1e-06, at most 1000000000
+        fov: of the cameras, from top to bottom; at least 0.01, at most 179; deg; default 40.0
+        largest: no disparity is larger, either way; at least 0, at most 1000000; px; default 10000.0
+        method: exact
+        """
+        return self.run(
+            "disparity", depth, baseline=baseline, convergence=convergence, fov=fov, largest=largest, **options
+        )
 
     def displace(
         self,
@@ -866,6 +1039,44 @@ class Operations(Generic[R]):
             "dissolve", image, base=base, pattern=pattern, amount=amount, softness=softness, seed=seed, **options
         )
 
+    def emboss(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        angle: float | None = None,
+        distance: float | None = None,
+        strength: float | None = None,
+        bias: float | None = None,
+        border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
+        value: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Shades a picture as a relief that is lit from one side, by a single difference.
+
+        image: heights; every colour is a relief of its own
+        angle: where the lamp stands: 0 to the right, 90 above; at least -360, at most 360; deg; default 135.0
+        distance: how far off the difference is taken; much more than a detail's size shows it twice; at least 0, at
+            most 32; px; default 1.0
+        strength: factor on the difference; negative presses the relief in; at least -10000, at most 10000; default
+            1.0
+        bias: the value of planes; at least -10000, at most 10000; default 0.5
+        border: how heights continue beyond the edges; default "clamp"
+        value: height beyond a constant border; at least -1000000, at most 1000000; default 0.0
+        method: direct
+        """
+        return self.run(
+            "emboss",
+            image,
+            angle=angle,
+            distance=distance,
+            strength=strength,
+            bias=bias,
+            border=border,
+            value=value,
+            **options,
+        )
+
     def equalise(
         self,
         image: ImageLike,
@@ -955,6 +1166,114 @@ class Operations(Generic[R]):
             **options,
         )
 
+    def fog(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        depth: ImageLike,
+        emissive: ImageLike = None,
+        fov: float | None = None,
+        depth_kind: Literal["planar", "euclidean", "window", "reversed"] | None = None,
+        near: float | None = None,
+        far: float | None = None,
+        kind: Literal["linear", "exponential", "squared", "layered", "height"] | None = None,
+        distance: Literal["euclidean", "planar"] | None = None,
+        density: float | None = None,
+        start: float | None = None,
+        end: float | None = None,
+        colour: float | Numbers | None = None,
+        heights: Numbers | None = None,
+        densities: Numbers | None = None,
+        base: float | None = None,
+        falloff: float | None = None,
+        eye: Numbers | None = None,
+        up: Numbers | None = None,
+        forward: Numbers | None = None,
+        background: Literal["fog", "keep"] | None = None,
+        entries: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Fades a picture into fog with distance: even, in layers, or thinning with height.
+
+        image: a picture
+        depth: how far away each pixel is, or, of three channels, where
+        emissive: how much of each pixel fog does not hide, 0 to 1
+        fov: the camera's vertical angle of view; at least 0.01, at most 175; deg; default 50.0
+        depth_kind: planar: along the viewing direction; euclidean: from the eye; window: 0 at near, 1 at far;
+            reversed: 1 to 0; default "planar"
+        near: of a window's depth; above 0, at most 1000000000; default 0.1
+        far: of a window's depth; none: infinitely far; above 0, at most 1000000000000
+        kind: linear, exponential, squared (exponential of the square), layered (by a profile over height), height;
+            default "exponential"
+        distance: euclidean: from the eye; planar: along the viewing direction, as hardware once did; default
+            "euclidean"
+        density: what is hidden per unit of distance; of layered fog a factor; at least 0, at most 1000000; default
+            0.1
+        start: of linear fog: nothing is hidden up to here; at least 0, at most 1000000000; default 1.0
+        end: of linear fog: everything is hidden from here on; at least 0, at most 1000000000; default 100.0
+        colour: the fog's light; one number, or one for each colour channel; at least -1000000, at most 1000000;
+            default 0.5
+        heights: of layered fog, rising; default [0.0]
+        densities: at each of the heights; linear between them, constant beyond; default [1.0]
+        base: of height fog: where the density is `density`; at least -1000000, at most 1000000; default 0.0
+        falloff: of height fog: over this height the density falls to 1 / e; at least 1e-06, at most 1000000000;
+            default 10.0
+        eye: where the camera is; depths begin there; default [0.0, 0.0, 0.0]
+        up: the direction in which heights are counted, in the axes of the positions, or of the camera; any length but
+            0; default [0.0, 1.0, 0.0]
+        forward: the viewing direction, where planar distances of positions are asked for; default [0.0, 0.0, -1.0]
+        background: pixels that are infinitely far: fog as dense as it gets, or left as they are; default "fog"
+        entries: of the table; 2 to 65536; a knob
+        method: exact, table
+        """
+        return self.run(
+            "fog",
+            image,
+            depth=depth,
+            emissive=emissive,
+            fov=fov,
+            depth_kind=depth_kind,
+            near=near,
+            far=far,
+            kind=kind,
+            distance=distance,
+            density=density,
+            start=start,
+            end=end,
+            colour=colour,
+            heights=heights,
+            densities=densities,
+            base=base,
+            falloff=falloff,
+            eye=eye,
+            up=up,
+            forward=forward,
+            background=background,
+            entries=entries,
+            **options,
+        )
+
+    def frame_blur(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        frames: int | None = None,
+        window: int | None = None,
+        stride: int | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Blurs motion by the mean of neighbouring frames, for every step of a sequence.
+
+        image: frames of equal height, one below the other
+        frames: pictures in the image, one below the other; at least 1, at most 4096; default 1
+        window: frames of an exposure; all of them if left out; at least 1, at most 4096
+        stride: frames from one exposure to the next; at least 1, at most 4096; default 1
+        method: summed, running, single
+        """
+        return self.run("frame_blur", image, frames=frames, window=window, stride=stride, **options)
+
     def gabor_noise(
         self,
         *,
@@ -1010,7 +1329,7 @@ class Operations(Generic[R]):
         output: the noise alone, or its derivatives with it; default "value"
         impulses: of a cell; with few, single ones show; at least 1, at most 32; default 4
         angle: direction, from x towards y; at least -360, at most 360; deg; default 0.0
-        waves: cycles of a wave in a cell; its window is two cells across; above 0, at most 32; default 2.0
+        waves: cycles of a wave in a cell; its window is two cells across; at least 0.01, at most 32; default 2.0
         spread: how far directions stray from angle; 90 for all; at least 0, at most 90; deg; default 90.0
         tail: share of the output's range that octaves may be left out for; 0 to 0.5; a knob
         method: single, double
@@ -1161,6 +1480,57 @@ class Operations(Generic[R]):
             **options,
         )
 
+    def gbuffer(
+        self,
+        *,
+        eye: Numbers | None = None,
+        target: Numbers | None = None,
+        up: Numbers | None = None,
+        fov: float | None = None,
+        extent: float | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        buffer: Literal[
+            "depth", "distance", "position", "normal", "albedo", "roughness", "mask", "height", "motion", "emissive"
+        ]
+        | None = None,
+        frame: Literal["camera", "world"] | None = None,
+        far: float | None = None,
+        objects: Numbers | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Casts rays at spheres, planes, boxes and blobs, and tells depth, normals, albedo and the rest.
+
+        eye: where it stands; default [0.0, 0.0, 0.0]
+        target: what it looks at; not the eye; default [0.0, 0.0, -1.0]
+        up: what is up in its picture, roughly; not the viewing direction; default [0.0, 1.0, 0.0]
+        fov: vertical angle of view; at least 0.01, at most 175; deg; default 50.0
+        extent: without perspective: the height of what it sees; above 0, at most 1000000
+        width: px; at least 1, at most 16384; default 256
+        height: px; at least 1, at most 16384; default 256
+        buffer: depth, distance, position, normal, albedo, roughness, mask, height, motion or emissive; default
+            "depth"
+        frame: whose axes positions and normals are told in; default "camera"
+        far: depth beyond which nothing is seen; above 0, at most 1000000; default 10000.0
+        objects: spheres, planes, boxes and blobs; default []
+        method: exact
+        """
+        return self.run(
+            "gbuffer",
+            eye=eye,
+            target=target,
+            up=up,
+            fov=fov,
+            extent=extent,
+            width=width,
+            height=height,
+            buffer=buffer,
+            frame=frame,
+            far=far,
+            objects=objects,
+            **options,
+        )
+
     def homography(
         self,
         image: ImageLike,
@@ -1206,6 +1576,52 @@ class Operations(Generic[R]):
             target_points=target_points,
             points=points,
             samples=samples,
+            **options,
+        )
+
+    def horizon_map(
+        self,
+        height: ImageLike,
+        /,
+        *,
+        source: Literal["height", "depth"] | None = None,
+        scale: float | None = None,
+        pixel_size: float | None = None,
+        radius: float | None = None,
+        directions: int | None = None,
+        border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
+        value: float | None = None,
+        output: Literal["slope", "sine", "degrees"] | None = None,
+        spacing: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Finds how high the horizon stands around each pixel of a relief, in several directions.
+
+        height: heights, or depths, in one channel
+        source: height: towards the viewer; depth: away from it, in perspective; default "height"
+        scale: of heights: how high the value 1 is; at least 0, at most 1000000; px; default 8.0
+        pixel_size: of depths: how large a pixel is at depth 1: 2 tan(fov / 2) over the picture's height; at least
+            1e-06, at most 1; default 0.002
+        radius: how far around itself a pixel looks; at least 1, at most 256; px; default 12.0
+        directions: evenly around, the first to the right, then counterclockwise; at least 4, at most 64; default 8
+        border: how the input continues beyond its edges; default "clamp"
+        value: what lies beyond a constant border; at least -1000000, at most 1000000; default 0.0
+        output: the tangent of the elevation, its sine, or the angle in degrees; default "degrees"
+        spacing: pixels between the places that a direction looks at; 1 to 16; a knob
+        method: march
+        """
+        return self.run(
+            "horizon_map",
+            height,
+            source=source,
+            scale=scale,
+            pixel_size=pixel_size,
+            radius=radius,
+            directions=directions,
+            border=border,
+            value=value,
+            output=output,
+            spacing=spacing,
             **options,
         )
 
@@ -1447,6 +1863,100 @@ class Operations(Generic[R]):
             **options,
         )
 
+    def lighting(
+        self,
+        normal: ImageLike,
+        /,
+        *,
+        position: ImageLike = None,
+        albedo: ImageLike = None,
+        specular: ImageLike = None,
+        roughness: ImageLike = None,
+        tangent: ImageLike = None,
+        visibility: ImageLike = None,
+        slide: ImageLike = None,
+        lights: Numbers | None = None,
+        model: Literal[
+            "lambert", "phong", "blinn_phong", "cosine_lobe", "lafortune", "torrance_sparrow", "ward", "banks"
+        ]
+        | None = None,
+        diffuse: Numbers | None = None,
+        highlight: Numbers | None = None,
+        facet_roughness: float | None = None,
+        exponent: float | None = None,
+        index: float | None = None,
+        distribution: Literal["gaussian", "beckmann", "ggx"] | None = None,
+        masking: Literal["v_groove", "smith"] | None = None,
+        grain: Numbers | None = None,
+        stretch: float | None = None,
+        lobe: Numbers | None = None,
+        eye: Numbers | None = None,
+        view: Numbers | None = None,
+        local_viewer: bool | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Lights surfaces given by their normals: lamps of five kinds, eight models of reflection.
+
+        normal: which way surfaces face: x, y, z of any length
+        position: where surfaces are: x, y, z
+        albedo: diffuse colour, or grey
+        specular: colour of highlights, or grey
+        roughness: of the facets, 0 to 1
+        tangent: which way the grain goes: x, y, z of any length
+        visibility: share of each lamp that is seen, 1 where nothing is in the way
+        slide: what projectors show; of any size
+        lights: the lamps, each by its kind (directional, point, spot, area, projector), colour, intensity and place;
+            default [{"kind": "directional", "position": [0.0, 0.0, 0.0], "direction": [-1.0, -1.0, -2.0], "up": [0.0,
+            1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05, "falloff": [0.0, 0.0, 1.0],
+            "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples": 16, "fov": 45.0, "aspect": 1.0}]
+        model: how the surface reflects besides diffusely; default "torrance_sparrow"
+        diffuse: share of light that is reflected diffusely, linear; times the input albedo; default [0.8, 0.8, 0.8]
+        highlight: factor on highlights, linear; times the input specular; 0 leaves them out; default [1.0, 1.0, 1.0]
+        facet_roughness: where there is no input roughness; its square is the slope of facets; less than 0.05 is taken
+            as that; at least 0, at most 1; default 0.4
+        exponent: of the models that are powers of a cosine, in place of the one from the roughness; at least 1, at
+            most 100000
+        index: of refraction, for torrance_sparrow; null: all is reflected; at least 1, at most 1000; default 1.5
+        distribution: of the facets of torrance_sparrow; default "ggx"
+        masking: how facets of torrance_sparrow hide one another; default "smith"
+        grain: its direction for ward, lafortune and banks, where there is no input tangent; default [1.0, 0.0, 0.0]
+        stretch: for ward: how much rougher the surface is along the grain than on the mean, and smoother across it;
+            at least 0.1, at most 10; default 1.0
+        lobe: for lafortune: factors along the grain, across it and along the normal; -1, -1, 1 mirrors; default
+            [-1.0, -1.0, 1.0]
+        eye: where the viewer is; default [0.0, 0.0, 0.0]
+        view: the direction towards a viewer at infinity; default [0.0, 0.0, 1.0]
+        local_viewer: whether the viewer is at `eye`, given positions, or at infinity; default true
+        method: exact, schlick
+        """
+        return self.run(
+            "lighting",
+            normal,
+            position=position,
+            albedo=albedo,
+            specular=specular,
+            roughness=roughness,
+            tangent=tangent,
+            visibility=visibility,
+            slide=slide,
+            lights=lights,
+            model=model,
+            diffuse=diffuse,
+            highlight=highlight,
+            facet_roughness=facet_roughness,
+            exponent=exponent,
+            index=index,
+            distribution=distribution,
+            masking=masking,
+            grain=grain,
+            stretch=stretch,
+            lobe=lobe,
+            eye=eye,
+            view=view,
+            local_viewer=local_viewer,
+            **options,
+        )
+
     def mask(
         self,
         image: ImageLike,
@@ -1646,6 +2156,128 @@ class Operations(Generic[R]):
             **options,
         )
 
+    def motion_blur(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        motion: ImageLike,
+        shutter: float | None = None,
+        start: float | None = None,
+        largest: float | None = None,
+        border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
+        value: float | None = None,
+        samples: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Blurs every pixel along its own motion vector while a shutter is open.
+
+        image: a picture
+        motion: px to the right and down that each pixel moves in a frame
+        shutter: how long it is open, in frames; at least 0.001, at most 4; default 1.0
+        start: when it opens, in frames from the picture's own time; at least -4, at most 4; default -0.5
+        largest: longer motions are shortened to this; above 0, at most 1024; px; default 64.0
+        border: how the picture continues beyond its edges; default "clamp"
+        value: what lies beyond a constant border, in every channel; at least -1000000000, at most 1000000000; default
+            0.0
+        samples: bilinear samples along each path; 2 to 256; a knob
+        method: exact, sampled
+        """
+        return self.run(
+            "motion_blur",
+            image,
+            motion=motion,
+            shutter=shutter,
+            start=start,
+            largest=largest,
+            border=border,
+            value=value,
+            samples=samples,
+            **options,
+        )
+
+    def normal_map(
+        self,
+        height: ImageLike,
+        /,
+        *,
+        mask: Literal["central", "sobel", "gaussian"] | None = None,
+        sigma: float | None = None,
+        scale: float | None = None,
+        encoding: Literal["signed", "unit"] | None = None,
+        convention: Literal["opengl", "directx"] | None = None,
+        border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
+        value: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Makes a normal map of heights: central differences, Sobel, or the derivative of a Gaussian.
+
+        height: heights, in one channel
+        mask: central differences, sobel, or the derivative of a gaussian over 7 x 7; default "sobel"
+        sigma: standard deviation of the gaussian; at least 0.3, at most 3; px; default 1.0
+        scale: px; how high the value 1 is; negative presses the relief in; at least -1000000, at most 1000000;
+            default 4.0
+        encoding: signed: components from -1 to 1; unit: from 0 to 1; default "signed"
+        convention: opengl: y points up; directx: down; default "opengl"
+        border: how heights continue beyond the edges; default "clamp"
+        value: height beyond a constant border; at least -1000000, at most 1000000; default 0.0
+        method: exact
+        """
+        return self.run(
+            "normal_map",
+            height,
+            mask=mask,
+            sigma=sigma,
+            scale=scale,
+            encoding=encoding,
+            convention=convention,
+            border=border,
+            value=value,
+            **options,
+        )
+
+    def normals(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        detail: ImageLike = None,
+        source: Literal["signed", "unit"] | None = None,
+        target: Literal["signed", "unit"] | None = None,
+        source_convention: Literal["opengl", "directx"] | None = None,
+        target_convention: Literal["opengl", "directx"] | None = None,
+        renormalise: bool | None = None,
+        blend: Literal["linear", "partial", "whiteout", "udn", "reoriented"] | None = None,
+        amount: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Decodes, encodes, turns, renormalises and blends normal maps.
+
+        image: normals: x, y, z
+        detail: normals of a detail to be laid on, stored as the image's are
+        source: how the inputs' components are stored: unit, 0 to 1, or signed; default "unit"
+        target: how those of the result are; default "signed"
+        source_convention: which way y points in the inputs: opengl, up, or directx, down; default "opengl"
+        target_convention: which way it points in the result; default "opengl"
+        renormalise: whether lengths are brought to 1; what is blended always is; default true
+        blend: how the input detail is laid on; default "reoriented"
+        amount: factor on the detail's slopes; at least -100, at most 100; default 1.0
+        method: exact
+        """
+        return self.run(
+            "normals",
+            image,
+            detail=detail,
+            source=source,
+            target=target,
+            source_convention=source_convention,
+            target_convention=target_convention,
+            renormalise=renormalise,
+            blend=blend,
+            amount=amount,
+            **options,
+        )
+
     def ocio(
         self,
         image: ImageLike,
@@ -1716,8 +2348,10 @@ class Operations(Generic[R]):
         value: float | None = None,
         width: int | None = None,
         height: int | None = None,
-        source: Literal["latlong", "cube", "mirror_ball", "paraboloid", "fisheye"] | None = None,
-        target: Literal["latlong", "cube", "mirror_ball", "paraboloid", "fisheye"] | None = None,
+        source: Literal["latlong", "cube", "cube_cross", "cube_pages", "mirror_ball", "paraboloid", "fisheye"]
+        | None = None,
+        target: Literal["latlong", "cube", "cube_cross", "cube_pages", "mirror_ball", "paraboloid", "fisheye"]
+        | None = None,
         view: float | None = None,
         yaw: float | None = None,
         pitch: float | None = None,
@@ -1726,7 +2360,7 @@ class Operations(Generic[R]):
         samples: float | None = None,
         **options: Unpack[Options],
     ) -> R:
-        """Converts images of all directions: lat-long, cube, mirror ball, dual paraboloid, fisheye; any to any.
+        """Converts images of all directions: lat-long, cubes, mirror ball, dual paraboloid, fisheye; any to any.
 
         image: a picture or data, any number of channels
         border: how the image continues beyond its edges; default "constant"
@@ -1758,6 +2392,50 @@ class Operations(Generic[R]):
             roll=roll,
             points=points,
             samples=samples,
+            **options,
+        )
+
+    def parallax(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        height: ImageLike,
+        mode: Literal["limited", "divided", "march"] | None = None,
+        view: Numbers | None = None,
+        scale: float | None = None,
+        reference: float | None = None,
+        border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
+        value: float | None = None,
+        levels: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Moves a picture as its relief would be seen from aside: limited, divided, or by following rays.
+
+        image: a picture of the surface from straight above
+        height: its heights, from 0 to 1
+        mode: limited, divided or march; default "march"
+        view: direction to the viewer: x to the right, y up, z out of the surface, which is above 0; default [0.5,
+            0.5, 1.0]
+        scale: how high the height 1 is; for march not below 0; at least -1000, at most 1000; px; default 8.0
+        reference: the height that stays in place; at least 0, at most 1; default 0.0
+        border: how picture and heights continue beyond their edges; default "clamp"
+        value: what lies beyond a constant border of the picture; heights are 0 there; at least -1000000, at most
+            1000000; default 0.0
+        levels: heights at which a ray looks at the relief; 2 to 256; a knob
+        method: shift, march
+        """
+        return self.run(
+            "parallax",
+            image,
+            height=height,
+            mode=mode,
+            view=view,
+            scale=scale,
+            reference=reference,
+            border=border,
+            value=value,
+            levels=levels,
             **options,
         )
 
@@ -1958,6 +2636,50 @@ class Operations(Generic[R]):
             **options,
         )
 
+    def prefilter(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        chart: Literal["latlong", "cube", "cube_cross", "cube_pages", "mirror_ball", "paraboloid", "fisheye"]
+        | None = None,
+        lobe: Literal["diffuse", "phong", "ggx"] | None = None,
+        exponent: float | None = None,
+        roughness: float | None = None,
+        target: Literal["latlong", "cube", "cube_cross", "cube_pages", "mirror_ball", "paraboloid", "fisheye"]
+        | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        texels: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Blurs an environment by what a matt, glossy or rough surface sees of it.
+
+        image: light from all directions, as `chart` says
+        chart: how the image holds all directions; default "latlong"
+        lobe: by what the light about a direction is weighted; default "diffuse"
+        exponent: of a phong lobe; at least 0.01, at most 10000; default 50.0
+        roughness: of a ggx lobe; at least 0.01, at most 1; default 0.3
+        target: how the result holds all directions; default "latlong"
+        width: columns of the result; by the target if left out; at least 1, at most 4096
+        height: rows of the result; by the target if left out; at least 1, at most 4096
+        texels: blocks that the image is put together to; 6 to 1e+06; a knob
+        method: all, reduced
+        """
+        return self.run(
+            "prefilter",
+            image,
+            chart=chart,
+            lobe=lobe,
+            exponent=exponent,
+            roughness=roughness,
+            target=target,
+            width=width,
+            height=height,
+            texels=texels,
+            **options,
+        )
+
     def premultiply(self, image: ImageLike, /, *, inverse: bool | None = None, **options: Unpack[Options]) -> R:
         """Multiply colour by coverage (associated alpha), or divide it out again.
 
@@ -2029,6 +2751,80 @@ class Operations(Generic[R]):
             side=side,
             diffusion=diffusion,
             strength=strength,
+            **options,
+        )
+
+    def reflection(
+        self,
+        normal: ImageLike,
+        /,
+        *,
+        environment: ImageLike,
+        position: ImageLike = None,
+        base: ImageLike = None,
+        irradiance: ImageLike = None,
+        encoding: Literal["signed", "unit"] | None = None,
+        convention: Literal["opengl", "directx"] | None = None,
+        fov: float | None = None,
+        eye: Numbers | None = None,
+        chart: Literal["latlong", "cube", "cube_cross", "cube_pages", "mirror_ball", "paraboloid", "fisheye"]
+        | None = None,
+        mode: Literal["mirror", "refraction", "glass"] | None = None,
+        fresnel: Literal["none", "dielectric"] | None = None,
+        reflectance: float | None = None,
+        index: float | None = None,
+        coated: bool | None = None,
+        background: Literal["none", "environment"] | None = None,
+        yaw: float | None = None,
+        pitch: float | None = None,
+        roll: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Shows an environment in a surface and through it: mirror, varnish, thin glass; from a picture of normals.
+
+        normal: normals of any length, x, y and z, or x and y alone
+        environment: light from all directions, as `chart` says
+        position: where the surface is, x, y and z
+        base: what the surface shows by itself
+        irradiance: an environment that is looked up by the normal
+        encoding: signed normals, or unit: (n + 1) / 2; default "signed"
+        convention: y of normals runs up (opengl) or down (directx); default "opengl"
+        fov: of the camera from top to bottom; orthographic if left out; at least 0.01, at most 179
+        eye: where the viewer is, in the space of the positions; default [0.0, 0.0, 0.0]
+        chart: how the environment, and the irradiance, hold all directions; default "latlong"
+        mode: what is reflected, what is seen through the surface, or both; default "mirror"
+        fresnel: a constant reflectance, or that of a dielectric; default "none"
+        reflectance: where fresnel is none; of refraction, what passes; at least 0, at most 1; default 1.0
+        index: of refraction: the body's over that around it; at least 0.1, at most 1000; default 1.5
+        coated: whether the base loses what is reflected above it; default false
+        background: what shows where there is no surface; default "none"
+        yaw: how far the environment's middle is turned to the right; at least -100000, at most 100000; deg; default
+            0.0
+        pitch: how far up; at least -100000, at most 100000; deg; default 0.0
+        roll: how far it is tilted clockwise; at least -100000, at most 100000; deg; default 0.0
+        method: exact, schlick, nearest
+        """
+        return self.run(
+            "reflection",
+            normal,
+            environment=environment,
+            position=position,
+            base=base,
+            irradiance=irradiance,
+            encoding=encoding,
+            convention=convention,
+            fov=fov,
+            eye=eye,
+            chart=chart,
+            mode=mode,
+            fresnel=fresnel,
+            reflectance=reflectance,
+            index=index,
+            coated=coated,
+            background=background,
+            yaw=yaw,
+            pitch=pitch,
+            roll=roll,
             **options,
         )
 
@@ -2149,6 +2945,93 @@ class Operations(Generic[R]):
         method: exact
         """
         return self.run("saturation", image, amount=amount, **options)
+
+    def shadow(
+        self,
+        map: ImageLike,
+        /,
+        *,
+        depth: ImageLike,
+        normal: ImageLike = None,
+        fov: float | None = None,
+        depth_kind: Literal["planar", "euclidean", "window", "reversed"] | None = None,
+        near: float | None = None,
+        far: float | None = None,
+        light_eye: Numbers | None = None,
+        light_target: Numbers | None = None,
+        light_up: Numbers | None = None,
+        light_fov: float | None = None,
+        light_extent: float | None = None,
+        map_kind: Literal["planar", "window", "reversed"] | None = None,
+        light_near: float | None = None,
+        light_far: float | None = None,
+        kind: Literal["pcf", "pcss", "variance"] | None = None,
+        filter: float | None = None,
+        source: float | None = None,
+        slope: float | None = None,
+        outside: Literal["lit", "dark"] | None = None,
+        taps: float | None = None,
+        bits: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Tells which share of a light reaches every point, by the depths that the light sees.
+
+        map: the depths that the light sees
+        depth: how far from the camera each pixel is, or, of three channels, where
+        normal: the points' normals, of any length
+        fov: the camera's vertical angle of view; at least 0.01, at most 175; deg; default 50.0
+        depth_kind: planar: along the viewing direction; euclidean: from the eye; window: 0 at near, 1 at far;
+            reversed: 1 to 0; default "planar"
+        near: of a window's depth; above 0, at most 1000000000; default 0.1
+        far: of a window's depth; none: infinitely far; above 0, at most 1000000000000
+        light_eye: where the light is, in the axes of the positions, or of the camera; default [3.0, 5.0, 0.0]
+        light_target: what the map's middle shows; default [0.0, 0.0, -5.0]
+        light_up: what is up in the map, roughly; default [0.0, 1.0, 0.0]
+        light_fov: the map's vertical angle; at least 0.01, at most 175; deg; default 60.0
+        light_extent: of light without perspective: the height of what the map shows; above 0, at most 1000000
+        map_kind: planar: depth along the light's direction; window: 0 at light_near, 1 at light_far; reversed: 1 to
+            0; default "planar"
+        light_near: of a window's depth, and of depth in few bits; above 0, at most 1000000; default 0.1
+        light_far: of a window's depth, and of depth in few bits; none: infinitely far; above 0, at most 1000000000
+        kind: pcf: comparisons averaged; pcss: over as much as the penumbra is wide; variance: Chebyshev's bound;
+            default "pcf"
+        filter: side of the square that is averaged, texels; 0: the nearest texel alone. Of pcss: the widest; at least
+            0, at most 32; default 0.0
+        source: of pcss: the light's width; of light without perspective the tangent of the angle it fills; at least
+            0, at most 1000000; default 0.2
+        slope: without normals: the steepest receiver, depth over width, that casts no shadow on itself; at least 0,
+            at most 100; default 1.0
+        outside: beyond the map and behind the light; default "lit"
+        taps: texels that are compared; 1 to 1024; a knob
+        bits: of a stored depth; 4 to 32; a knob
+        method: exact, sampled, linear, window
+        """
+        return self.run(
+            "shadow",
+            map,
+            depth=depth,
+            normal=normal,
+            fov=fov,
+            depth_kind=depth_kind,
+            near=near,
+            far=far,
+            light_eye=light_eye,
+            light_target=light_target,
+            light_up=light_up,
+            light_fov=light_fov,
+            light_extent=light_extent,
+            map_kind=map_kind,
+            light_near=light_near,
+            light_far=light_far,
+            kind=kind,
+            filter=filter,
+            source=source,
+            slope=slope,
+            outside=outside,
+            taps=taps,
+            bits=bits,
+            **options,
+        )
 
     def sharpen(
         self,
@@ -2299,6 +3182,47 @@ class Operations(Generic[R]):
             beta=beta,
             low_cut=low_cut,
             high_cut=high_cut,
+            **options,
+        )
+
+    def spherical_harmonics(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        chart: Literal["latlong", "cube", "cube_cross", "cube_pages", "mirror_ball", "paraboloid", "fisheye"]
+        | None = None,
+        bands: int | None = None,
+        output: Literal["radiance", "irradiance"] | None = None,
+        target: Literal["latlong", "cube", "cube_cross", "cube_pages", "mirror_ball", "paraboloid", "fisheye"]
+        | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        texels: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Takes an environment apart into spherical harmonics, and shows the light or the irradiance these make.
+
+        image: light from all directions, as `chart` says
+        chart: how the image holds all directions; default "latlong"
+        bands: degrees; their square is the number of coefficients; at least 1, at most 10; default 3
+        output: the light by its coefficients, or what a matt surface shows; default "radiance"
+        target: how the result holds all directions; default "latlong"
+        width: columns of the result; by the target if left out; at least 1, at most 4096
+        height: rows of the result; by the target if left out; at least 1, at most 4096
+        texels: blocks that the image is put together to; 6 to 1e+06; a knob
+        method: all, reduced
+        """
+        return self.run(
+            "spherical_harmonics",
+            image,
+            chart=chart,
+            bands=bands,
+            output=output,
+            target=target,
+            width=width,
+            height=height,
+            texels=texels,
             **options,
         )
 
@@ -2787,6 +3711,45 @@ class Operations(Generic[R]):
         method: direct
         """
         return self.run("vector", image, make=make, angle=angle, **options)
+
+    def vignette(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        fov: float | None = None,
+        power: float | None = None,
+        mechanical: float | None = None,
+        remove: bool | None = None,
+        largest: float | None = None,
+        centre: Numbers | None = None,
+        entries: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Darkens a picture towards its corners as a lens does, or takes that out.
+
+        image: a picture
+        fov: from the top of the picture to its bottom; at least 0.1, at most 170; deg; default 40.0
+        power: of the cosine; 0 where there is no natural fall-off; at least 0, at most 16; default 4.0
+        mechanical: how far the rims close the corners: 0 not at all, 1 wholly; at least 0, at most 1; default 0.0
+        remove: whether the fall-off is taken out; default false
+        largest: no pixel is made brighter by more, where it is taken out; at least 1, at most 1000; default 16.0
+        centre: of the lens; shares of width and height; default [0.5, 0.5]
+        entries: gains along the radius; 2 to 65536; a knob
+        method: exact, table
+        """
+        return self.run(
+            "vignette",
+            image,
+            fov=fov,
+            power=power,
+            mechanical=mechanical,
+            remove=remove,
+            largest=largest,
+            centre=centre,
+            entries=entries,
+            **options,
+        )
 
     def white_noise(
         self,
