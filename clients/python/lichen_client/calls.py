@@ -17,7 +17,6 @@ from __future__ import annotations
 import io
 import json
 import os
-import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -94,7 +93,7 @@ class Call:
             return "", b""
         if len(self.parts) == 1 and self.parts[0].name == _FIRST:
             return self.parts[0].media_type, self.parts[0].content
-        boundary = secrets.token_hex(16)
+        boundary = os.urandom(16).hex()
         pieces: list[bytes] = []
         for part in self.parts:
             name = quote(part.name, safe=" !#$&'()*+,/:;<=>?@[]^`{|}~")
@@ -199,7 +198,7 @@ def asset_call(image: Any) -> Call:
 
 def as_job(call: Call) -> Call:
     """The same request, to be answered later. Its key makes repeating it safe: the service keeps one job for a key."""
-    key = secrets.token_urlsafe(24)
+    key = os.urandom(16).hex()
     return replace(call, method="POST", further={"Prefer": "respond-async", "Idempotency-Key": key})
 
 
