@@ -87,7 +87,7 @@ def made(out: Path) -> dict[str, bytes]:
 
 
 def test_killed_at_any_moment_and_resumed_nothing_is_lost_and_nothing_is_done_twice(
-    photos: Path, tmp_path: Path, expected: dict[str, bytes]
+    photos: Path, tmp_path: Path, expected: dict[str, bytes], capsys: pytest.CaptureFixture[str]
 ) -> None:
     draws = random.Random(5)
     for _ in range(2):
@@ -101,25 +101,32 @@ def test_killed_at_any_moment_and_resumed_nothing_is_lost_and_nothing_is_done_tw
         process.communicate()
         assert not [line for line in journal(tmp_path) if line["status"] != "ok"]
     finished = {line["id"] for line in journal(tmp_path)}
-    last = started(photos, tmp_path, "--workers", 2, "--resume")
-    out, err = last.communicate(timeout=PATIENCE)
-    assert last.returncode == 0, err
-    summary = json.loads(out)
+    assert main(arguments(photos, tmp_path, "--workers", 1, "--resume")) == 0
+    summary = json.loads(capsys.readouterr().out)
     assert (summary["done_before"], summary["ok"]) == (len(finished), 12 - len(finished))
     lines = journal(tmp_path)
     assert len({line["id"] for line in lines}) == len(lines) == 12
     assert made(tmp_path) == expected
 
 
-def test_told_to_end_it_finishes_what_was_begun(photos: Path, tmp_path: Path, expected: dict[str, bytes]) -> None:
-    process = started(photos, tmp_path, "--workers", 1)
-    until(lambda: len(journal(tmp_path)) >= 1)
-    process.send_signal(signal.SIGTERM)
-    out, err = process.communicate(timeout=PATIENCE)
-    summary = json.loads(out)
+def test_told_to_end_it_finishes_what_was_begun(
+    photos: Path, tmp_path: Path, expected: dict[str, bytes], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def tell() -> None:
+        until(lambda: len(journal(tmp_path)) >= 1)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    teller = threading.Thread(target=tell)
+    before = signal.signal(signal.SIGTERM, lambda *_: None)  # should it be told when all is done
+    try:
+        teller.start()
+        status = main(arguments(photos, tmp_path, "--workers", 1))
+        teller.join()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    summary = json.loads(capsys.readouterr().out)
     if summary["left"]:
-        assert process.returncode == 143, err
-        assert summary["stopped"] == "SIGTERM"
+        assert (status, summary["stopped"]) == (143, "SIGTERM")
     assert summary["ok"] + summary["left"] == 12
     done = made(tmp_path)
     assert done == {name: expected[name] for name in done}
