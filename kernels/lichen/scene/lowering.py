@@ -284,6 +284,8 @@ class _Builder:
             where = self._buffer("position")
             forward = np.subtract(scene.camera.target, scene.camera.eye)
             parameters |= {"forward": [float(each) for each in forward]}
+            if given:
+                parameters.setdefault("up", scene.camera.up)
         else:
             where = self._buffer("distance")
             parameters |= {"depth_kind": "euclidean", "fov": scene.camera.fov}
