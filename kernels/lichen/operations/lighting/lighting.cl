@@ -1,7 +1,7 @@
 // Pixels lit by lamps, sixteen at a time; lighting.py is the definition, lamps.py and reflection.py say how.
 //
-// MODEL is the number of the model of reflection. Which inputs there are is said by their channels, 0 for none: a program
-// for every combination would take longer to build than it saves.
+// MODEL is the number of the model of reflection, TABLES 1 where its factors are looked up. Which inputs there are is
+// said by their channels, 0 for none: a program for every combination would take longer to build than it saves.
 #include "../compositing/planes.clh"
 #include "reflection.clh"
 
@@ -101,7 +101,7 @@ kernel void lighting(global const float *restrict normal, global const float *re
                      global const float *restrict visibility, global const float *restrict slide,
                      global const int *restrict channels, int wide, int high, global const float *restrict rows,
                      int lamps, global const float *restrict n, int distribution, int masking, int fresnel_kind,
-                     global float *restrict out, ulong pixels)
+                     global const float *restrict tables, int size, global float *restrict out, ulong pixels)
 {
     ulong first = get_global_id(0) * (ulong)LANES;
     if (first >= pixels)
@@ -129,6 +129,9 @@ kernel void lighting(global const float *restrict normal, global const float *re
     s.distribution = distribution;
     s.masking = masking;
     s.fresnel = fresnel_kind;
+    s.tables = tables;
+    s.size = size;
+    s.width = n[29];
     vector16 t = channels[4] ? vector_unit(load3(tangent + first * 3, count)) : same3(n + 25);
 #if MODEL != BANKS
     vector16 across_n = vector_along(facing, -vector_dot(facing, t), t);
