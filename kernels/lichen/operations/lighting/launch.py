@@ -59,7 +59,7 @@ def on_opencl(device: Device, inputs: Inputs, p: Parameters, material: Material)
             np.int32(list(Distribution).index(material.distribution)),
             np.int32(list(Masking).index(material.masking)), np.int32(list(Fresnel).index(material.fresnel)),
             looked, np.int32(material.size), session.write(out), np.uint64(pixels),
-            defines={"MODEL": list(Model).index(material.model), "TABLES": int(material.size > 0)},
+            defines={"MODEL": list(Model).index(material.model)},
         )  # fmt: skip
     return out
 

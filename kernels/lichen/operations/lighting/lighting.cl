@@ -1,7 +1,7 @@
 // Pixels lit by lamps, sixteen at a time; lighting.py is the definition, lamps.py and reflection.py say how.
 //
-// MODEL is the number of the model of reflection, TABLES 1 where its factors are looked up. Which inputs there are is
-// said by their channels, 0 for none: a program for every combination would take longer to build than it saves.
+// MODEL is the number of the model of reflection. Which inputs there are is said by their channels, 0 for none, and what
+// is looked up by the size of the tables: a program for every combination would take longer to build than it saves.
 #include "../compositing/planes.clh"
 #include "reflection.clh"
 
