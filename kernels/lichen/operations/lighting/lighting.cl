@@ -1,7 +1,7 @@
 // Pixels lit by lamps, sixteen at a time; lighting.py is the definition, lamps.py and reflection.py say how.
 //
-// MODEL is the number of the model of reflection. Which inputs there are is said by their channels, 0 for none: a program
-// for every combination would take longer to build than it saves.
+// MODEL is the number of the model of reflection. Which inputs there are is said by their channels, 0 for none, and what
+// is looked up by the size of the tables: a program for every combination would take longer to build than it saves.
 #include "../compositing/planes.clh"
 #include "reflection.clh"
 
@@ -77,8 +77,10 @@ PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector
 {
     float16 square = vector_dot(way, way), apart = square + row[13];
     *l = vector_unit(way);
-    float16 strength = square > 0.0f ? 1.0f / sqrt(1.0f + row[13] / square) : square;
-    strength /= fma((float16)(row[16]), apart, fma((float16)(row[15]), sqrt(apart), (float16)(row[14])));
+    float16 falls = fma((float16)(row[16]), apart, (float16)(row[14]));
+    if (row[15] != 0.0f)
+        falls = fma((float16)(row[15]), sqrt(apart), falls);
+    float16 strength = 1.0f / (sqrt(1.0f + row[13] / square) * falls); // 0 on the lamp itself
     vector16 axis = same3(row + 10);
     if (row[17] != 0.0f) {
         float16 cosine = -vector_dot(axis, *l);
@@ -99,7 +101,7 @@ kernel void lighting(global const float *restrict normal, global const float *re
                      global const float *restrict visibility, global const float *restrict slide,
                      global const int *restrict channels, int wide, int high, global const float *restrict rows,
                      int lamps, global const float *restrict n, int distribution, int masking, int fresnel_kind,
-                     global float *restrict out, ulong pixels)
+                     global const float *restrict tables, int size, global float *restrict out, ulong pixels)
 {
     ulong first = get_global_id(0) * (ulong)LANES;
     if (first >= pixels)
@@ -127,6 +129,9 @@ kernel void lighting(global const float *restrict normal, global const float *re
     s.distribution = distribution;
     s.masking = masking;
     s.fresnel = fresnel_kind;
+    s.tables = tables;
+    s.size = size;
+    s.width = n[29];
     vector16 t = channels[4] ? vector_unit(load3(tangent + first * 3, count)) : same3(n + 25);
 #if MODEL != BANKS
     vector16 across_n = vector_along(facing, -vector_dot(facing, t), t);
