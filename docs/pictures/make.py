@@ -6,11 +6,15 @@ python docs/pictures/make.py [NAME ...]
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 import lichen
 from lichen.files import decode, encode
-from lichen.image import Space, Storage
+from lichen.image import Image, Space, Storage
 
 HERE = Path(__file__).resolve().parent
 SAMPLES = HERE.parent / "samples"
@@ -28,15 +32,24 @@ PICTURES = {
 
 
 def main() -> None:
-    for name in sys.argv[1:] or PICTURES:
-        text, inputs = PICTURES[name]
-        images = [decode((SAMPLES / each).read_bytes()) for each in inputs]
-        (result,) = lichen.run_pipeline(text, *images).values()
-        picture = result.image
+    for name in sys.argv[1:] or (*PICTURES, "textures"):
+        picture = textures() if name == "textures" else made(*PICTURES[name])
         shown = picture if picture.space is Space.SRGB else picture.replace(space=Space.SRGB)
         encoded = encode(shown, "jpeg", storage=Storage.UINT8, quality=88)
         (HERE / f"{name}.jpg").write_bytes(encoded.data)
-        print(f"{name}: {result.method}, {len(encoded.data) // 1024} kB", file=sys.stderr)
+        print(f"{name}: {len(encoded.data) // 1024} kB", file=sys.stderr)
+
+
+def made(pipeline: Any, inputs: Sequence[str]) -> Image:
+    images = [decode((SAMPLES / each).read_bytes()) for each in inputs]
+    (result,) = lichen.run_pipeline(pipeline, *images).values()
+    return result.image
+
+
+def textures() -> Image:
+    """All named textures in a row."""
+    each = [made(lichen.texture(name, width=320, height=320), ()).pixels for name in lichen.textures()]
+    return Image(np.ascontiguousarray(np.concatenate([np.broadcast_to(one, (320, 320, 3)) for one in each], axis=1)))
 
 
 if __name__ == "__main__":

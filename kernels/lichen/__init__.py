@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from lichen.image import Alpha, Image, Space, Storage
     from lichen.operation import Operation
     from lichen.planning.plan import Plan
+    from lichen.presets import texture, textures
 
 __version__ = "0.1.0"
 __all__ = [
@@ -44,6 +45,8 @@ __all__ = [
     "render",
     "run",
     "run_pipeline",
+    "texture",
+    "textures",
 ]
 
 _HOMES = {
@@ -59,6 +62,7 @@ _HOMES = {
     ),
     "lichen.image": ("Alpha", "Image", "Space", "Storage"),
     "lichen.planning.plan": ("Plan",),
+    "lichen.presets": ("texture", "textures"),
 }
 
 

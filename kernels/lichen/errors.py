@@ -60,6 +60,11 @@ class UnknownOperation(LichenError):
     title = "There is no such operation"
 
 
+class UnknownTexture(LichenError):
+    code = "unknown-texture"
+    title = "There is no such texture"
+
+
 class UnreadableImage(LichenError):
     """The bytes are not a whole image of the format they claim."""
 

@@ -49,6 +49,8 @@ from lichen_service.routes.running import Running
 from lichen_service.routes.scenes import PATH as SCENES
 from lichen_service.routes.scenes import Scenes
 from lichen_service.routes.system import System
+from lichen_service.routes.textures import PATH as TEXTURES
+from lichen_service.routes.textures import Textures
 from lichen_service.routing import Match, Route, find
 from lichen_service.settings import SHARED, Settings
 from lichen_service.uploads import JSON, check_type
@@ -78,7 +80,7 @@ class Service:
         self._described = described = Catalogue(settings)
         system, accuracy = System(settings, self.readiness), Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
-        pipelines, scenes = Pipelines(settings, self._running), Scenes(settings, self._running)
+        pipelines, scenes, textures = Pipelines(settings, self._running), Scenes(settings, self._running), Textures()
         self.jobs = _jobs(settings, self.assets, self.handle, check)
         self.metrics = Metrics(catalogue.operations())
         self.routes: tuple[Route, ...] = (
@@ -88,6 +90,8 @@ class Service:
             Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, None, check, "run"),
             Route(PIPELINES, dict.fromkeys(("POST", "QUERY"), pipelines.run), True, None, pipelines.check, "run"),
             Route(SCENES, dict.fromkeys(("POST", "QUERY"), scenes.run), True, None, scenes.check, "run"),
+            Route(TEXTURES, {"GET": textures.list}),
+            Route(f"{TEXTURES}/{{name}}", {"GET": textures.one}),
             Route(ASSETS, {"PUT": stored.put}, True, readable(), scope="assets"),
             Route(f"{ASSETS}/{{name}}", {"GET": stored.get, "DELETE": stored.delete}, scope="assets"),
             Route("/v1/accuracy", {"GET": accuracy.list}),

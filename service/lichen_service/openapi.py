@@ -7,12 +7,14 @@ is, with the same meaning.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import Any
 
 import lichen
 from lichen.files import FORMATS
 from lichen.operation import Input, Knob, Operation
+from lichen.presets import Size, textures
 from lichen.scene.description import Scene
 from lichen_service.descriptions import accuracy_path_of, inlined, options_schema, path_of
 from lichen_service.openapi_storage import asset_paths, job_paths
@@ -53,15 +55,21 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
             accuracy_path_of("{name}"): _accuracy_path(operations),
             "/v1/pipelines": _pipelines_path(),
             "/v1/scenes": _scenes_path(),
+            "/v1/textures/{name}": _texture_path(),
             **{path_of(name): _path(each) for name, each in operations.items()},
         },
-        "components": {"schemas": {"Problem": _problem_schema()}, "responses": _responses()},
+        "components": {
+            "schemas": {"Problem": _problem_schema()},
+            "responses": _responses(),
+            "parameters": _shared_parameters(),
+        },
     }
 
 
 def _fixed_paths() -> dict[str, Any]:
     json_paths = {
         "/v1/operations": ("listOperations", "The operations there are"),
+        "/v1/textures": ("listTextures", "Named pipelines of noises: marble, wood, clouds and others"),
         "/v1/accuracy": ("listAccuracy", "What one more digit costs, for every operation"),
         "/v1/limits": ("getLimits", "What one request may ask for"),
         "/v1/version": ("getVersion", "Versions of the engine, its device and its libraries"),
@@ -119,7 +127,6 @@ def _accuracy_path(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
 
 
 def _pipelines_path() -> dict[str, Any]:
-    options = [_parameter(name, each, False) for name, each in options_schema()["properties"].items()]
     named = {"type": "object", "additionalProperties": {"type": "object"}}
     document = {"type": "object", "properties": {"nodes": named, "outputs": named}, "required": ["nodes"]}
     form = {
@@ -142,7 +149,7 @@ def _pipelines_path() -> dict[str, Any]:
             "summary": "Runs a graph of operations",
             "description": "Nodes by name, each an operation with parameters and inputs: other nodes, or input.NAME "
             "for a picture that is sent along. One output is answered as a picture, several as multipart/mixed.",
-            "parameters": [said, *(each for each in options if each["name"] != "method")],
+            "parameters": [said, *_references()],
             "requestBody": {
                 "content": {
                     **images,
@@ -180,31 +187,42 @@ def _scenes_path() -> dict[str, Any]:
     return made
 
 
-def _path(operation: Operation[Any]) -> dict[str, Any]:
-    name = operation.name
-    described: dict[str, Any] = {
-        "operationId": f"describe_{name}",
-        "summary": f"The declaration of {name}",
-        "tags": [operation.family],
-        "responses": {"200": _json_response("parameters, inputs, methods, limits"), "default": _reference("Problem")},
-    }
-    described["summary"] += "; with a query that names all images it needs, a run of it"
-    described["parameters"] = [{**each, "required": False} for each in _parameters(operation)]
-    described["responses"] = {
-        "200": _reference("Image"),
-        "304": _reference("Unchanged"),
-        "default": _reference("Problem"),
-    }
+def _texture_path() -> dict[str, Any]:
+    named = {"name": "name", "in": "path", "required": True, "schema": {"type": "string", "enum": list(textures())}}
+    fields = inlined(Size.model_json_schema())["properties"]
     return {
-        "get": described,
+        "get": {
+            "operationId": "getTexture",
+            "summary": "The pipeline that makes a texture, as POST on /v1/pipelines takes it",
+            "parameters": [named, *(_parameter(name, each, False) for name, each in fields.items())],
+            "responses": {"200": _json_response("The pipeline"), "default": _reference("Problem")},
+        }
+    }
+
+
+def _path(operation: Operation[Any]) -> dict[str, Any]:
+    """GET and POST share their parameters; a name without a default is required where pixels are sent, and of a run."""
+    name = operation.name
+    described = f"The declaration of {name}; with a query that names all images it needs, a run of it"
+    answers = {"200": _reference("Image"), "304": _reference("Unchanged"), "default": _reference("Problem")}
+    parameters = _parameters(operation)
+    required = [each for each in parameters if each.get("required")]
+    return {
+        "parameters": [each if "$ref" in each else {**each, "required": False} for each in parameters],
+        "get": {
+            "operationId": f"describe_{name}",
+            "summary": described,
+            "tags": [operation.family],
+            "responses": answers,
+        },
         "post": {
             "operationId": name,
             "summary": operation.summary,
             "description": operation.description,
             "tags": [operation.family],
-            "parameters": _parameters(operation),
+            **({"parameters": required} if required else {}),
             "requestBody": _request_body(operation),
-            "responses": {"200": _reference("Image"), "304": _reference("Unchanged"), "default": _reference("Problem")},
+            "responses": answers,
         },
     }
 
@@ -214,13 +232,30 @@ def _parameters(operation: Operation[Any]) -> list[dict[str, Any]]:
     required = schema.get("required", [])
     declared = [_parameter(name, each, name in required) for name, each in schema.get("properties", {}).items()]
     knobs = [_knob(each) for each in operation.knobs.values()]
-    options = [_parameter(name, each, False) for name, each in options_schema()["properties"].items()]
-    for option in options:
-        if option["name"] == "method":
-            option["schema"] = {"type": "string", "enum": list(operation.methods)}
-        elif option["name"] == "format":
-            option["schema"] = {"type": "string", "enum": list(FORMATS)}
-    return [*declared, *knobs, *options, *(_asset(each) for each in operation.inputs)]
+    method = _named("method", operation.methods)
+    return [*declared, *knobs, method, *_references(), *(_asset(each) for each in operation.inputs)]
+
+
+@cache
+def _options() -> dict[str, Any]:
+    """What every request may ask for, by name."""
+    options: dict[str, Any] = options_schema()["properties"]
+    return options
+
+
+def _named(option: str, names: Iterable[str]) -> dict[str, Any]:
+    """An option that is one of some names."""
+    return {**_parameter(option, _options()[option], False), "schema": {"type": "string", "enum": list(names)}}
+
+
+def _shared_parameters() -> dict[str, Any]:
+    """Options that mean the same to every operation, by name."""
+    alike = {name: _parameter(name, each, False) for name, each in _options().items() if name != "method"}
+    return {**alike, "format": _named("format", FORMATS)}
+
+
+def _references() -> list[dict[str, str]]:
+    return [{"$ref": f"#/components/parameters/{name}"} for name in _options() if name != "method"]
 
 
 def _asset(declared: Input) -> dict[str, Any]:

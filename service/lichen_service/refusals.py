@@ -18,6 +18,7 @@ from lichen.errors import (
     TooLarge,
     Unattainable,
     UnknownOperation,
+    UnknownTexture,
     UnreadableImage,
     UnsupportedFormat,
 )
@@ -26,6 +27,7 @@ from lichen_service.problems import problem
 
 STATUS: Mapping[type[LichenError], int] = {
     UnknownOperation: 404,
+    UnknownTexture: 404,
     TooLarge: 413,
     UnsupportedFormat: 415,
     InvalidRequest: 422,

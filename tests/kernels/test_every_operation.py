@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -94,9 +95,8 @@ def each() -> pytest.MarkDecorator:
 
 
 @each()
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("content", CONTENTS)
-def test_methods_keep_the_error_they_state(operation: Operation[Any], backend: str, content: str) -> None:
+def test_methods_keep_the_error_they_state(operation: Operation[Any], content: str) -> None:
     broken, tried = [], 0
     for number, example in enumerate(operation.examples):
         size = SHAPES[number % len(SHAPES)] if number >= 2 else SHAPES[-1 - number]
@@ -110,7 +110,7 @@ def test_methods_keep_the_error_they_state(operation: Operation[Any], backend: s
         for method in operation.methods.values():
             if method.unfit(parameters, facts) is not None:
                 continue
-            for knob in settings(method):
+            for knob, backend in product(settings(method), BACKENDS):
                 stated = method.error(parameters, knob, facts)
                 pixels = compute(method, backend, inputs, parameters, knob)
                 assert pixels.dtype == np.float32
@@ -118,7 +118,8 @@ def test_methods_keep_the_error_they_state(operation: Operation[Any], backend: s
                 found = difference(pixels, truth)
                 allowed = stated.value + float(np.finfo(np.float32).tiny)
                 if found.largest > allowed or found.mismatched:
-                    broken.append(f"{method.name} at {knob:g}, {example}, {size}: {found} beyond {stated}")
+                    said = f"{found} beyond {stated}"
+                    broken.append(f"{method.name} at {knob:g} on {backend}, {example}, {size}: {said}")
     assert tried or content != "noise", "no example was taken"
     assert not broken, "\n".join(broken)
 

@@ -224,11 +224,12 @@ def test_the_openapi_document_is_valid_and_whole(call: Caller, operations: Mappi
     document = read_json(call("GET", "/openapi.json"))
     OpenAPIV31SpecValidator(document).validate()
     for name, operation in operations.items():
-        posted = document["paths"][f"/v1/operations/{name}"]["post"]
-        names = {each["name"] for each in posted["parameters"]}
+        path = document["paths"][f"/v1/operations/{name}"]
+        posted = path["post"]
+        names = {each.get("name") or each["$ref"].rpartition("/")[2] for each in path["parameters"]}
         inputs = {each.name for each in operation.inputs}
         assert names == {*operation.parameters.model_fields, *operation.knobs, *RESERVED, *inputs}
-        required = {each["name"] for each in posted["parameters"] if each["required"]}
+        required = {each["name"] for each in posted.get("parameters", ()) if each["required"]}
         assert required == {key for key, field in operation.parameters.model_fields.items() if field.is_required()}
         parts = posted["requestBody"]["content"]["multipart/form-data"]["schema"]["properties"]
         assert set(parts) == {each.name for each in operation.inputs}
@@ -242,14 +243,14 @@ def test_every_documented_get_is_answered_as_documented(call: Caller) -> None:
     document = read_json(call("GET", "/openapi.json"))
     shared = {f"#/components/responses/{name}": each for name, each in document["components"]["responses"].items()}
     for path, methods in document["paths"].items():
-        if "get" not in methods or "parameters" in methods:  # what is stored is asked for in tests of its own
-            continue
+        if "get" not in methods or ("{name}" in path and "parameters" in methods):
+            continue  # what is stored is asked for in tests of its own
         names = next(
             (each["schema"]["enum"] for each in methods["get"].get("parameters", ()) if each["in"] == "path"), []
         )
         answer = methods["get"]["responses"]["200"]
         documented = shared.get(answer.get("$ref", ""), answer)["content"]
-        for each in [path.format(name=name) for name in names] or [path]:
+        for each in [path.format(name=name) for name in names[:: 1 + len(names) // 40]] or [path]:
             response = call("GET", each)
             assert response.status == 200, each
             assert response.headers["Content-Type"].partition(";")[0] in documented

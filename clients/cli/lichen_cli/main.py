@@ -21,6 +21,7 @@ COMMANDS = {
     "keys": ("lichen_cli.keys", "make, list and revoke the keys that callers need"),
     "run": ("lichen_cli.run", "run an operation on image files"),
     "operations": ("lichen_cli.operations", "list the operations, or describe one"),
+    "textures": ("lichen_cli.textures", "list named textures, or print the pipeline of one"),
     "accuracy": ("lichen_cli.accuracy", "show what accuracy costs in time"),
     "calibrate": ("lichen_cli.calibrate", "measure how fast this machine is, so that plans promise its times"),
     "doctor": ("lichen_cli.doctor", "find out what works on this machine, and why the rest does not"),

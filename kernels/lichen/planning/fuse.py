@@ -15,7 +15,7 @@ from lichen.image import Alpha
 from lichen.operation import Facts
 from lichen.planning.budget import Problem
 from lichen.planning.choose import measures, target_error
-from lichen.planning.graph import Candidate, Decision, Graph, Node, Request, inputs_of
+from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
 from lichen.stage import Stage
 
 CHANNELS = (3, 4)
@@ -80,21 +80,26 @@ def _stages_among(node: Node, facts: Mapping[str, Facts]) -> list[Candidate]:
         return []
     most = node.choice.seconds + MOVED["start"] + MOVED["step"] * facts[node.name].samples
     usable = [offer for offer in node.alternatives if offer.unfit is None and offer.passes is None]
-    return [o for o in usable if o.seconds <= most and stage_of(node.replace(choice=o), facts) is not None]
+    return [o for o in usable if o.seconds <= most and _stage_by(o.method, node, facts) is not None]
 
 
 def stage_of(node: Node, facts: Mapping[str, Facts]) -> Stage | None:
     """The node as a stage, where its method is one and its picture fits."""
-    choice = node.choice
-    method = None if choice is None else node.operation.methods.get(choice.method)
-    if method is None or len(node.inputs) != 1 or node.operation.finds:
+    return None if node.choice is None else _stage_by(node.choice.method, node, facts)
+
+
+def _stage_by(method: str, node: Node, facts: Mapping[str, Facts]) -> Stage | None:
+    if method not in node.operation.methods or len(node.inputs) != 1 or node.operation.finds:
         return None
-    known, made = inputs_of(node, facts), facts[node.name]
-    (image,) = known.values()
-    shape = (image.height, image.width, image.channels)
-    if image.channels not in CHANNELS or shape != (made.height, made.width, made.channels):
+    (source,) = node.inputs.values()
+    image, made = facts[source], facts[node.name]
+    if image.channels not in CHANNELS or not _alike(image, made):
         return None
-    return method.stage(node.parameters, known)
+    return node.stage(facts, method)
+
+
+def _alike(one: Facts, other: Facts) -> bool:
+    return (one.height, one.width, one.channels) == (other.height, other.width, other.channels)
 
 
 def _decision(chain: Sequence[str], facts: Mapping[str, Facts]) -> Decision:

@@ -15,6 +15,7 @@ from lichen.accuracy.precision import Precision, keeping
 from lichen.image import Alpha, Space, Storage
 from lichen.operation import Error, Facts, Method, Operation, OperationParameters, Rate
 from lichen.planning import predict
+from lichen.stage import Stage
 
 RESULT = "result"
 """The output of a graph that has one and does not name it."""
@@ -108,6 +109,10 @@ class Node:
     def offer(self, facts: Mapping[str, Facts], method: str, knob: float | None) -> predict.Offer:
         """What one of its methods states at one setting."""
         return predict.offer(self._key(facts), method, knob)
+
+    def stage(self, facts: Mapping[str, Facts], method: str) -> Stage | None:
+        """What one of its methods is as a step of a fused chain."""
+        return predict.stage(self._key(facts), method)
 
     def _key(self, facts: Mapping[str, Facts]) -> predict.Key:
         known = tuple([facts[source] for source in self.inputs.values()])

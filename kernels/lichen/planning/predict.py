@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import Any, TypeAlias
 
 from lichen.operation import Error, Facts, Operation, OperationParameters
+from lichen.stage import Stage
 
 KEPT = 1 << 14
 """Answers of each kind; the longest unused are dropped first."""
@@ -57,6 +58,13 @@ def offers(key: Key) -> Mapping[tuple[str, float | None], Offer]:
 def offer(key: Key, name: str, knob: float | None) -> Offer:
     """What one method states at one setting."""
     return offers(key).get((name, knob)) or _stated(key, name, knob)
+
+
+@lru_cache(KEPT)
+def stage(key: Key, name: str) -> Stage | None:
+    """What one method is as a step of a chain."""
+    operation, parameters, names, known = key
+    return operation.methods[name].stage(parameters, dict(zip(names, known, strict=True)))
 
 
 def _stated(key: Key, name: str, knob: float | None) -> Offer:

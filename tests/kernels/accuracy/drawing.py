@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from hypothesis import strategies as st
 import lichen
 from lichen.errors import InvalidRequest
 from lichen.image import Image, as_image
-from lichen.operation import Facts, Input, Method
+from lichen.operation import Facts, Input, Knob, Method
 
 OPERATIONS = lichen.operations()
 DEAREST = 0.15
@@ -93,30 +94,36 @@ PATTERNS: Mapping[str, Callable[[np.random.Generator, int, int], np.ndarray]] = 
     "highlights": _highlights,
     "turning": _turning,
 }
+BOOLEANS, FOURTHS, FIFTHS, SIDES, SEEDS = (
+    st.booleans(), st.integers(0, 3), st.integers(0, 4), st.integers(1, 48), st.integers(0, 2**32 - 1)
+)  # fmt: skip
+NAMES = st.sampled_from(sorted(PATTERNS))
+SCALES = st.sampled_from([(1, 0), (1, 0), (1, -0.5), (-2, 1), (1e-3, 1), (1e3, -500), (1e-6, 0)])
 
 
 @st.composite
 def pixels(draw: st.DrawFn, height: int, width: int, channels: int) -> np.ndarray:
     """float32 (height, width, channels): a pattern for each channel, often moved and scaled."""
-    name = draw(st.sampled_from(sorted(PATTERNS)))
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    name = draw(NAMES)
+    rng = np.random.default_rng(draw(SEEDS))
     made = np.stack([PATTERNS[name](rng, height, width) for _ in range(channels)], axis=-1)
-    scale, offset = draw(st.sampled_from([(1, 0), (1, 0), (1, -0.5), (-2, 1), (1e-3, 1), (1e3, -500), (1e-6, 0)]))
+    scale, offset = draw(SCALES)
     return (made * scale + offset).astype(np.float32)
 
 
 @st.composite
 def images(draw: st.DrawFn, name: str) -> dict[str, Image]:
     """Inputs of an operation, of one size as a rule; optional ones half of the time."""
-    height, width = draw(st.integers(1, 48)), draw(st.integers(1, 48))
+    height, width = draw(SIDES), draw(SIDES)
     made = {}
     for declared in OPERATIONS[name].inputs:
-        if declared.required or draw(st.booleans()):
-            size = (height, width) if draw(st.integers(0, 4)) else (draw(st.integers(1, 48)), draw(st.integers(1, 48)))
+        if declared.required or draw(BOOLEANS):
+            size = (height, width) if draw(FIFTHS) else (draw(SIDES), draw(SIDES))
             made[declared.name] = as_image(draw(pixels(*size, draw(channels(declared)))))
     return made
 
 
+@cache
 def channels(declared: Input) -> st.SearchStrategy[int]:
     fewest, most = declared.channels
     return st.sampled_from([count for count in (1, 2, 3, 4, 5) if fewest <= count and (most is None or count <= most)])
@@ -129,22 +136,41 @@ def parameters(draw: st.DrawFn, operation_name: str) -> dict[str, Any]:
     What no schema says (the shape of a matrix, what a text means, fields that depend on one another) is known from the
     examples alone: arrays are theirs with other numbers, texts are theirs.
     """
+    base = dict(draw(BASES[operation_name]))
+    for name, drawn, required in fields(operation_name):
+        if name not in base and not required and draw(BOOLEANS):
+            continue
+        if name in base and draw(FOURTHS):
+            continue
+        if drawn is not None:
+            base[name] = draw(drawn)
+    return base
+
+
+BASES = {
+    name: st.one_of(st.just({}), st.sampled_from([dict(each) for each in operation.examples]))
+    for name, operation in OPERATIONS.items()
+}
+
+
+@cache
+def fields(operation_name: str) -> list[tuple[str, st.SearchStrategy[Any] | None, bool]]:
+    """Names of parameters, what draws them, and whether they must be given; kept, since making them is dear."""
     operation = OPERATIONS[operation_name]
     schema = operation.schema()
-    base = dict(draw(st.sampled_from([{}, draw(st.sampled_from(operation.examples))])))
+    found = []
     for name, field in schema.get("properties", {}).items():
         shapes = [example[name] for example in operation.examples if isinstance(example.get(name), list | tuple)]
-        if name not in base and name not in schema.get("required", []) and draw(st.booleans()):
-            continue
-        if name in base and draw(st.integers(0, 3)):
-            continue
-        if name in ("width", "height") and LARGEST_SIDE in (e.get("maximum") for e in (field, *field.get("anyOf", ()))):
-            base[name] = draw(st.integers(1, 48))
+        offered = (field, *field.get("anyOf", ()))
+        drawn: st.SearchStrategy[Any] | None = None
+        if name in ("width", "height") and LARGEST_SIDE in (each.get("maximum") for each in offered):
+            drawn = SIDES
         elif shapes:
-            base[name] = draw(st.sampled_from(shapes).flatmap(renumbered))
-        elif "string" not in (each.get("type") for each in (field, *field.get("anyOf", ())) if "enum" not in each):
-            base[name] = draw(value(field, schema.get("$defs", {})))
-    return base
+            drawn = st.one_of([renumbered(shape) for shape in shapes])
+        elif "string" not in (each.get("type") for each in offered if "enum" not in each):
+            drawn = value(field, schema.get("$defs", {}))
+        found.append((name, drawn, name in schema.get("required", [])))
+    return found
 
 
 def renumbered(array: Any) -> st.SearchStrategy[Any]:
@@ -212,7 +238,11 @@ def cases(draw: st.DrawFn, name: str) -> tuple[dict[str, Image], Any, dict[str, 
 
 def settings_of(method: Method[Any]) -> st.SearchStrategy[float]:
     """A knob's values and what lies between."""
-    knob = method.knob
+    return _settings_of(method.knob)
+
+
+@cache
+def _settings_of(knob: Knob | None) -> st.SearchStrategy[float]:
     if knob is None:
         return st.just(0.0)
     if knob.low <= 0:

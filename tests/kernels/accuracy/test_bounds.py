@@ -1,7 +1,7 @@
 """No drawn image and no drawn parameter takes a method beyond the error it states.
 
-A proved bound is never exceeded; an estimate at most once in a thousand draws. A few hundred draws, always the same,
-run with every test; `make fuzz` draws thousands of new ones (LICHEN_DRAWS).
+A proved bound is never exceeded; an estimate at most once in a thousand draws. A few dozen draws for each operation,
+always the same, run with every test; `make fuzz` draws thousands of new ones (LICHEN_DRAWS).
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def representable(truth: np.ndarray, pixels: np.ndarray, error: float) -> np.nda
 def test_methods_keep_what_they_state(operation: Operation[Any]) -> None:
     tally = Tally()
 
-    @draws(40)
+    @draws(30)
     @given(st.data())
     def holds(data: st.DataObject) -> None:
         inputs, parameters, facts = data.draw(drawing.cases(operation.name))
@@ -141,7 +141,7 @@ def test_whole_runs_keep_what_they_state(operation: Operation[Any]) -> None:
     """Conversions of light and coverage around the operation, and stores of every precision between them."""
     tally = Tally()
 
-    @draws(30)
+    @draws(20)
     @given(st.data())
     def holds(data: st.DataObject) -> None:
         picture = data.draw(pictures())

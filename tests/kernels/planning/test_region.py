@@ -127,6 +127,8 @@ def test_a_part_is_what_it_is_in_the_whole(operation: Operation[Any]) -> None:
             part, full = (prepare_pipeline(said, images=images, device="numpy", prune=p) for p in (True, False))
         except InvalidRequest:
             continue
+        if not any(each.pass_ == "region" for each in part.plan.decisions):
+            continue  # all of it is computed either way
         truths = [exact(each.plan.graph, each.order.images) for each in (part, full)]
         apart = difference(truths[0], truths[1])
         assert apart.largest <= 1e-9 * max(np.max(np.abs(truths[1])), 1), (example, apart)

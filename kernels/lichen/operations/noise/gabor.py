@@ -23,7 +23,7 @@ from lichen.operations.noise.impulses import ImpulseParameters, Kernel, basis, s
 
 
 class Parameters(ImpulseParameters):
-    waves: float = Field(2.0, gt=0, le=32, description="cycles of a wave in a cell; its window is two cells across")
+    waves: float = Field(2.0, ge=0.01, le=32, description="cycles of a wave in a cell; its window is two cells across")
     spread: float = Field(
         90.0,
         ge=0,

@@ -23,12 +23,15 @@ from lichen.hashing import Words, keyed, pcg
 from lichen.memory import Array
 from lichen.operations.noise.basis import Basis, Place, Slice, Values, corners, padded
 from lichen.operations.noise.coordinates import Axis
-from lichen.operations.noise.means import mean_magnitude
 from lichen.operations.noise.octaves import Key, Lattice
 from lichen.operations.noise.parameters import Fractal, LatticeParameters
 
 GOLDEN = 0x9E3779B9
 """2^32 over the golden ratio: apart, impulse by impulse."""
+
+
+NORMAL_MAGNITUDE = math.sqrt(2 / math.pi) / 4
+"""The mean of |n| of a normal distribution whose standard deviation is 1/4."""
 
 
 class ImpulseParameters(LatticeParameters):
@@ -146,11 +149,11 @@ def basis(kernel: Any, *, gabor: bool, band: Any) -> Basis[Any]:
         made: Kernel = kernel(p)
         return reached(p) * (60 * made.stretch + 60 * made.waves + 20 * (made.waves > 0)) + 4
 
-    found: Basis[Any] = Basis(
+    return Basis(
         lattice=lambda p: Lattice(band(p)),
         slices=slices,
         evaluate=lambda place, p, derivatives: evaluate(kernel(p), place, p.dimensions, derivatives),
-        mean=lambda p: (0.0, mean_magnitude(found, p)),
+        mean=lambda p: (0.0, NORMAL_MAGNITUDE),
         slope=slope,
         rounding=rounding,
         slope_rounding=lambda p: None,
@@ -158,4 +161,3 @@ def basis(kernel: Any, *, gabor: bool, band: Any) -> Basis[Any]:
         defines=lambda p: {"BASIS": 3, "GABOR": int(gabor)},
         numbers=lambda p: kernel(p).numbers,
     )
-    return found

@@ -1,6 +1,6 @@
 """Means of bases: what stands for an octave that no pixel can show.
 
-They are those of the noise at 2^14 fixed places, in doubles: part of the definition, and within a few hundredths of the
+They are those of the noise at 2^12 fixed places, in doubles: part of the definition, and within a few hundredths of the
 mean over all places.
 """
 
@@ -16,7 +16,7 @@ from lichen.operations.noise.basis import Basis, Place
 from lichen.operations.noise.coordinates import pixel_axis, point_axis
 from lichen.operations.noise.parameters import LatticeParameters
 
-SIDE = 128
+SIDE = 64
 STEP = 0.37
 """Cells from place to place, about; less along y."""
 

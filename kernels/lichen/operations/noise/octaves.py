@@ -150,8 +150,10 @@ def cut(p: LatticeParameters, lattice: Lattice, tail: float) -> tuple[Cut, float
     shown = visible(p, lattice)
     computed = list(shown.computed)
     lost = 0.0
-    while computed and lost + _worth(p, computed[-1]) <= 2 * tail:
-        lost += _worth(p, computed.pop())
+    following = 2 * sum(octave.amplitude for octave in shown.left) if p.fractal is Fractal.RIDGED else 0.0
+    while computed and lost + following + _worth(p, computed[-1]) <= 2 * tail:
+        lost += following + _worth(p, computed.pop())
+        following = 0.0
     return Cut(shown.asked, tuple(computed)), lost
 
 
@@ -159,7 +161,7 @@ def _worth(p: LatticeParameters, octave: Octave) -> float:
     """The largest change of the sum when the octave's mean stands for it.
 
     n and its mean differ by 2 at most, |n| and its mean by 1. A ridge also weighs what comes after it, by a weight that
-    may be any, so it counts in full however faded it is.
+    may be any, so it counts in full however faded it is, and so do those after it that their mean stands for.
     """
     if p.fractal is Fractal.RIDGED:
         return 2 * octave.amplitude

@@ -59,7 +59,8 @@ def plain(p: LatticeParameters) -> Fractal:
 
 def shapes(p: Any, basis: Basis[Any], cut: Cut) -> tuple[Shape, Shape]:
     """The sum of the picture, and that of what moves its places."""
-    means = basis.mean(p)
+    whole = not cut.left and all(octave.kept == 1 for octave in cut.computed)
+    means = (0.0, 0.0) if whole else basis.mean(p)  # where nothing stands for an octave, none is looked for
     return shaped(p.fractal, cut, *means), shaped(plain(p), cut, *means)
 
 

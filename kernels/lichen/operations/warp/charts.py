@@ -8,7 +8,9 @@ whose charts have a margin, filled with what the others show there.
 * latlong: longitude across, 0 in the middle and to the right positive; latitude down, from straight up to straight
   down.
 * cube: three faces in two rows: left, ahead, right; up, behind, down, with the upper and lower edges of the face ahead
-  meeting the lower edge of up and the upper edge of down.
+  meeting the lower edge of up and the upper edge of down. cube_cross: the same faces where they meet: left, ahead,
+  right and behind in the second of three rows, up above ahead, down below it; the other six cells show nothing.
+  cube_pages: the same faces one below the other: right, left, up, down, ahead, behind.
 * mirror_ball: a ball seen from far away along z. Its middle shows what is behind the viewer's back, its rim, all
   around, what is straight behind the ball.
 * paraboloid: two discs: the half ahead, and the half behind as it is seen once one has turned around.
@@ -37,6 +39,8 @@ class Chart(StrEnum):
 
     LATLONG = "latlong"
     CUBE = "cube"
+    CUBE_CROSS = "cube_cross"
+    CUBE_PAGES = "cube_pages"
     MIRROR_BALL = "mirror_ball"
     PARABOLOID = "paraboloid"
     FISHEYE = "fisheye"
@@ -46,6 +50,8 @@ Vectors = tuple[Doubles, Doubles, Doubles]
 LAYOUT: dict[Chart, tuple[int, int]] = {
     Chart.LATLONG: (1, 1),
     Chart.CUBE: (3, 2),
+    Chart.CUBE_CROSS: (4, 3),
+    Chart.CUBE_PAGES: (1, 6),
     Chart.MIRROR_BALL: (1, 1),
     Chart.PARABOLOID: (2, 1),
     Chart.FISHEYE: (1, 1),
@@ -53,7 +59,15 @@ LAYOUT: dict[Chart, tuple[int, int]] = {
 """Charts across and down."""
 SHAPE: dict[Chart, tuple[int, int]] = {**LAYOUT, Chart.LATLONG: (2, 1)}
 """Proportions of the whole image."""
-LEFT, AHEAD, RIGHT, UP, BEHIND, DOWN = range(6)
+LEFT, AHEAD, RIGHT, UP, BEHIND, DOWN, NOTHING = range(7)
+FACES: dict[Chart, tuple[int, ...]] = {
+    Chart.CUBE: (LEFT, AHEAD, RIGHT, UP, BEHIND, DOWN),
+    Chart.CUBE_CROSS: (
+        NOTHING, UP, NOTHING, NOTHING, LEFT, AHEAD, RIGHT, BEHIND, NOTHING, DOWN, NOTHING, NOTHING,
+    ),
+    Chart.CUBE_PAGES: (RIGHT, LEFT, UP, DOWN, AHEAD, BEHIND),
+}  # fmt: skip
+"""Of the cells of a cube's image, row by row."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +83,14 @@ class Sphere:
         x, y, z = d
         if self.chart is Chart.PARABOLOID:
             return np.where(z >= 0, 0, 1)
-        if self.chart is not Chart.CUBE:
+        if self.chart not in FACES:
             return np.zeros(np.shape(x), np.int64)
         ax, ay, az = np.abs(x), np.abs(y), np.abs(z)
         side = np.where(x >= 0, RIGHT, LEFT)
         upright = np.where(y >= 0, DOWN, UP)
         along = np.where(z >= 0, AHEAD, BEHIND)
-        return np.where((az >= ax) & (az >= ay), along, np.where(ax >= ay, side, upright))
+        cells = np.array([FACES[self.chart].index(each) for each in range(NOTHING)])
+        return cells[np.where((az >= ax) & (az >= ay), along, np.where(ax >= ay, side, upright))]
 
     def place(self, d: Vectors, face: Doubles) -> tuple[Doubles, Doubles]:
         """s and t of a direction in a chart; NaN where the chart, however far it is widened, does not hold it."""
@@ -83,8 +98,8 @@ class Sphere:
         match self.chart:
             case Chart.LATLONG:
                 return np.arctan2(x, z) / math.pi, np.arctan2(y, np.hypot(x, z)) / (math.pi / 2)
-            case Chart.CUBE:
-                return _on_cube(d, face)
+            case Chart.CUBE | Chart.CUBE_CROSS | Chart.CUBE_PAGES:
+                return _on_cube(d, self._faces(face))
             case Chart.PARABOLOID:
                 length = np.sqrt(x * x + y * y + z * z)
                 turned = np.where(face == 0, 1.0, -1.0)
@@ -107,13 +122,22 @@ class Sphere:
                 safe = np.where(middle, 1.0, across)
                 return np.where(middle, angle, angle * x / safe), np.where(middle, 0.0, angle * y / safe)
 
-    def holds(self, s: Doubles, t: Doubles) -> Doubles:
-        """Whether a place belongs to its chart."""
-        if self.chart in (Chart.LATLONG, Chart.CUBE):
+    def holds(self, s: Doubles, t: Doubles, face: Doubles | None = None) -> Doubles:
+        """Whether a place belongs to its chart; where `face` is given, whether that is one at all."""
+        if self.chart is Chart.LATLONG or self.chart in FACES:
             square: Doubles = (np.abs(s) <= 1) & (np.abs(t) <= 1)
-            return square
+            return square if face is None or self.chart not in FACES else square & self.shows(face)
         disc: Doubles = s * s + t * t <= 1
         return disc
+
+    def shows(self, face: Doubles) -> Doubles:
+        """Whether a cell of the image holds directions."""
+        shown: Doubles = self._faces(face) != NOTHING if self.chart in FACES else np.ones(np.shape(face), bool)
+        return shown
+
+    def _faces(self, cell: Doubles) -> Doubles:
+        """The faces of a cube that cells show."""
+        return np.array(FACES[self.chart])[np.asarray(cell, np.int64)]
 
     def direction(self, s: Doubles, t: Doubles, face: Doubles) -> Vectors:
         """The direction at a place, also beyond the chart's edge; NaN where there is none."""
@@ -122,8 +146,8 @@ class Sphere:
                 longitude, latitude = math.pi * s, math.pi / 2 * t
                 c = np.cos(latitude)
                 return c * np.sin(longitude), np.sin(latitude) + 0 * longitude, c * np.cos(longitude)
-            case Chart.CUBE:
-                return _from_cube(s, t, face)
+            case Chart.CUBE | Chart.CUBE_CROSS | Chart.CUBE_PAGES:
+                return _from_cube(s, t, self._faces(face))
             case Chart.PARABOLOID:
                 rr = s * s + t * t
                 turned = np.where(face == 0, 1.0, -1.0)
@@ -146,7 +170,7 @@ def _on_cube(d: Vectors, face: Doubles) -> tuple[Doubles, Doubles]:
     across = np.select([face == BEHIND, face == RIGHT, face == LEFT], [-x, -z, z], x)
     down = np.select([face == UP, face == DOWN], [z, -z], y)
     size = np.abs(x) + np.abs(y) + np.abs(z)
-    depth = np.where(depth > 1e-6 * size, depth, np.nan)
+    depth = np.where((depth > 1e-6 * size) & (face != NOTHING), depth, np.nan)
     return across / depth, down / depth
 
 

@@ -154,7 +154,7 @@ class Turned(Map):
         face = self._faces(u, v)
         (wide, tall), (across, _) = self.tile, LAYOUT[self.target.chart]
         s, t = 2 * (u - face % across * wide) / wide - 1, 2 * (v - face // across * tall) / tall - 1
-        held = self.target.holds(s, t)
+        held = self.target.holds(s, t, face)
         if self.source.chart is Chart.FISHEYE:
             held = held & self.source.holds(*self.source.place(d, self.source.face(d)))
         return np.where(held, values, np.nan)
@@ -191,11 +191,13 @@ class Panoramic(Warp[Parameters]):
 def _size(p: Parameters, facts: InputFacts) -> Size:
     """As asked for; else the proportions of the result's chart and about as many pixels around as the image has."""
     image, (across, down) = facts["image"], SHAPE[p.target]
-    around = {Chart.LATLONG: 1.0, Chart.CUBE: 4 / 3, Chart.PARABOLOID: 1.0, Chart.MIRROR_BALL: 1.0, Chart.FISHEYE: 1.0}
-    whole = image.width * around[p.source]
+    around = {Chart.CUBE: 4 / 3, Chart.CUBE_PAGES: 4.0}
+    whole = image.width * around.get(p.source, 1.0)
     cell = {
         Chart.LATLONG: 1 / 2,
         Chart.CUBE: 1 / 4,
+        Chart.CUBE_CROSS: 1 / 4,
+        Chart.CUBE_PAGES: 1 / 4,
         Chart.PARABOLOID: 1 / 2,
         Chart.MIRROR_BALL: 1,
         Chart.FISHEYE: 1 / 2,
@@ -241,7 +243,7 @@ WARP = Panoramic(_map, _size)
 panorama = declare(
     WARP,
     name="panorama",
-    summary="Converts images of all directions: lat-long, cube, mirror ball, dual paraboloid, fisheye; any to any.",
+    summary="Converts images of all directions: lat-long, cubes, mirror ball, dual paraboloid, fisheye; any to any.",
     description=__doc__ or "",
     parameters=Parameters,
     check=_check,

@@ -1,0 +1,297 @@
+// Environments seen in surfaces and through them; surfaces.py, framed.py and fresnel.py are the definition, and the
+// steps here are theirs, in doubles and in the same order, so that no rounding decides which chart a direction falls in.
+//
+// Definitions given at build time:
+//   NORMALS            2 or 3 channels of the normals; UNIT 1 where they hold (n + 1) / 2; DOWN 1 where y runs down
+//   VIEW               0 orthographic, 1 through the pixel's centre, 2 from positions
+//   CHART              0 lat-long, 1 cubes, 2 paraboloids, 3 mirror ball
+//   MODE               0 mirror, 1 refraction, 2 both
+//   FRESNEL            0 a constant, 1 Fresnel's equations, 2 Schlick's approximation
+//   NEAREST            1 where a texel is taken as it is
+//   COLOURS            1 to 4 channels of pictures; framed environments have 4
+//   BASE, IRRADIANCE   1 where there is such an input; COATED 1 where the base loses what is reflected
+//   BEHIND             1 where the environment shows where there is no surface
+// `n` holds the turn, row by row, the eye, the scale of the view, the index, its inverse, and the constant reflectance.
+// `cells` holds the cells of a cube's faces: left, ahead, right, up, behind, down.
+
+#include "numeric.clh"
+
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+
+#define SEGMENT 64
+#define EACH for (int i = 0; i < SEGMENT; ++i)
+
+// Where directions lie between the texels of a framed environment.
+typedef struct {
+    int texel[SEGMENT];
+    float x[SEGMENT], y[SEGMENT];
+} Places;
+
+// Directions of charts.
+typedef struct {
+    double x[SEGMENT], y[SEGMENT], z[SEGMENT];
+} Directions;
+
+inline void turn(Directions *restrict to, int i, double x, double y, double z, const double *restrict m)
+{
+    to->x[i] = m[0] * x + m[1] * y + m[2] * z;
+    to->y[i] = m[3] * x + m[4] * y + m[5] * z;
+    to->z[i] = m[6] * x + m[7] * y + m[8] * z;
+}
+
+// The segment's part of an array of `each` floats for every pixel; after the last pixel, that one again.
+inline void fetch(float *restrict to, global const float *restrict from, int each, ulong first, int last)
+{
+    if (last == SEGMENT - 1) {
+        for (int j = 0; j < each * SEGMENT; ++j)
+            to[j] = from[first * each + j];
+        return;
+    }
+    for (int i = 0; i < SEGMENT; ++i)
+        for (int k = 0; k < each; ++k)
+            to[i * each + k] = from[(first + min(i, last)) * each + k];
+}
+
+inline void located(Places *restrict at, const Directions *restrict d, int tall, int wide,
+                    global const int *restrict cells)
+{
+    double s[SEGMENT], t[SEGMENT];
+    int face[SEGMENT];
+#if CHART == 0
+    EACH {
+        float x = (float)d->x[i], y = (float)d->y[i], z = (float)d->z[i];
+        s[i] = num_atan2(x, z) * 0.31830988618379067;
+        t[i] = num_atan2(y, sqrt(x * x + z * z)) * 0.63661977236758134;
+        face[i] = 0;
+    }
+#elif CHART == 1
+    EACH {
+        double x = d->x[i], y = d->y[i], z = d->z[i], ax = fabs(x), ay = fabs(y), az = fabs(z);
+        bool along = az >= ax && az >= ay, side = !along && ax >= ay;
+        double depth = along ? az : (side ? ax : ay);
+        double across = along ? (z >= 0 ? x : -x) : (side ? (x >= 0 ? -z : z) : x);
+        double down = along || side ? y : (y >= 0 ? -z : z);
+        s[i] = across / depth;
+        t[i] = down / depth;
+        face[i] = along ? (z >= 0 ? 1 : 4) : (side ? (x >= 0 ? 2 : 0) : (y >= 0 ? 5 : 3));
+    }
+    EACH face[i] = cells[face[i]];
+#elif CHART == 2
+    EACH {
+        double x = d->x[i], y = d->y[i], z = d->z[i], below = sqrt(x * x + y * y + z * z) + fabs(z);
+        s[i] = (z >= 0 ? x : -x) / below;
+        t[i] = y / below;
+        face[i] = z >= 0 ? 0 : 1;
+    }
+#else
+    EACH {
+        double x = d->x[i], y = d->y[i], z = d->z[i], length = sqrt(x * x + y * y + z * z), flat = x * x + y * y;
+        double less = z > 0 ? flat / (length + fabs(z)) : length - z; // 1 - z, without its difference
+        double normal = sqrt(2 * less * length);
+        s[i] = normal == 0 ? 1.0 : x / normal;
+        t[i] = normal == 0 ? 0.0 : y / normal;
+        face[i] = 0;
+    }
+#endif
+    EACH {
+        double x = (s[i] + 1) / 2 * wide - 0.5, y = (t[i] + 1) / 2 * tall - 0.5, left = floor(x), top = floor(y);
+        bool there = fabs(x) < 1e9 && fabs(y) < 1e9;
+        int column = (int)(there ? left : 0.0) + 1, row = (int)(there ? top : 0.0) + 1;
+        at->texel[i] = (face[i] * (tall + 2) + row) * (wide + 2) + column;
+        at->x[i] = (float)(x - left);
+        at->y[i] = (float)(y - top);
+    }
+}
+
+// A neighbour of no weight takes no part, whatever it holds.
+inline float4 mixed(float4 a, float4 b, float t) { return t == 0.0f ? a : (1.0f - t) * a + t * b; }
+
+inline float4 value(global const float *restrict image, const Places *restrict at, int i, int wide)
+{
+    global const float *p = image + 4 * (size_t)at->texel[i];
+    size_t row = 4 * (size_t)(wide + 2);
+#if NEAREST
+    float4 near = vload4(0, p + (at->x[i] >= 0.5f ? 4 : 0) + (at->y[i] >= 0.5f ? row : 0));
+    float gone = at->x[i] + at->y[i];
+    return gone == gone ? near : (float4)(gone);
+#else
+    float8 upper = vload8(0, p), lower = vload8(0, p + row);
+    return mixed(mixed(upper.lo, upper.hi, at->x[i]), mixed(lower.lo, lower.hi, at->x[i]), at->y[i]);
+#endif
+}
+
+inline float4 coloured(const float *restrict from, int i)
+{
+    float4 made = (float4)(0.0f);
+    made.x = from[i * COLOURS];
+#if COLOURS > 1
+    made.y = from[i * COLOURS + 1];
+#endif
+#if COLOURS > 2
+    made.z = from[i * COLOURS + 2];
+#endif
+#if COLOURS > 3
+    made.w = from[i * COLOURS + 3];
+#endif
+    return made;
+}
+
+inline double reflected(double c, double ratio, double k)
+{
+#if FRESNEL == 2
+    double f = (ratio - 1) / (ratio + 1), far = 1 - (ratio < 1 ? sqrt(k < 0 ? 0.0 : k) : c), squared = far * far;
+    f = f * f;
+    double made = f + (1 - f) * (squared * squared * far);
+#else
+    double a = (ratio - 1) * (ratio + 1), g2 = a + c * c, total = sqrt(g2 < 0 ? 0.0 : g2) + c, u = a / (total * total);
+    double w = (c * total - 1) / (c * (a / total) + 1), made = u * u * (1 + w * w) / 2;
+#endif
+    made = k < 0 ? 1.0 : made;
+    made = ratio == 1 ? 0.0 : made;
+    return c == c ? made : c;
+}
+
+kernel void reflection(global const float *restrict normals, global const float *restrict positions,
+                       global const float *restrict base, global const float *restrict environment,
+                       global const float *restrict irradiance, global float *restrict out,
+                       global const double *restrict n, global const int *restrict cells, int width, int height,
+                       int tall, int wide, int irradiance_tall, int irradiance_wide, ulong pixels)
+{
+    ulong first = get_global_id(0) * (ulong)SEGMENT;
+    if (first >= pixels)
+        return;
+    int last = (int)min((ulong)SEGMENT, pixels - first) - 1;
+    double m[9], eye_x = n[9], eye_y = n[10], eye_z = n[11], scale = n[12], index = n[13], inverse_index = n[14];
+    for (int k = 0; k < 9; ++k)
+        m[k] = n[k];
+    float fixed = (float)n[15], given[NORMALS * SEGMENT], share[SEGMENT];
+    fetch(given, normals, NORMALS, first, last);
+#if VIEW == 2
+    float place[3 * SEGMENT];
+    fetch(place, positions, 3, first, last);
+#endif
+#if BASE
+    float own[COLOURS * SEGMENT];
+    fetch(own, base, COLOURS, first, last);
+#endif
+    Directions outward, mirror, through;
+    int empty[SEGMENT];
+    EACH {
+        double x = given[NORMALS * i], y = given[NORMALS * i + 1];
+#if UNIT
+        x = x * 2 - 1;
+        y = y * 2 - 1;
+#endif
+        y = DOWN ? -y : y;
+#if NORMALS == 3
+        double z = given[NORMALS * i + 2];
+#if UNIT
+        z = z * 2 - 1;
+#endif
+#else
+        double rest = 1 - (x * x + y * y), z = sqrt(rest < 0 ? 0.0 : rest);
+#endif
+        double length = sqrt(x * x + y * y + z * z), inverse = 1 / (length == 0 ? 1.0 : length);
+        int nothing = length == 0;
+        double nx = x * inverse, ny = y * inverse, nz = z * inverse;
+#if VIEW == 2
+        double a = place[3 * i], b = place[3 * i + 1], d = place[3 * i + 2];
+        int far = ((fabs(a) == INFINITY) | (fabs(b) == INFINITY) | (fabs(d) == INFINITY)) & (a == a) & (b == b) & (d == d);
+        double vx = eye_x - (far ? 0.0 : a), vy = eye_y - (far ? 0.0 : b), vz = eye_z - (far ? 0.0 : d);
+        length = sqrt(vx * vx + vy * vy + vz * vz), inverse = 1 / (length == 0 ? 1.0 : length);
+        nothing |= far | (length == 0);
+        vx *= inverse;
+        vy *= inverse;
+        vz *= inverse;
+#elif VIEW == 1
+        uint at = (uint)first + i, row = at / (uint)width, column = at - row * (uint)width;
+        double vx = (column + 0.5 - 0.5 * width) * -scale, vy = (row + 0.5 - 0.5 * height) * scale, vz = 1.0;
+        inverse = 1 / sqrt(vx * vx + vy * vy + vz * vz);
+        vx *= inverse;
+        vy *= inverse;
+        vz *= inverse;
+#else
+        double vx = 0.0, vy = 0.0, vz = 1.0;
+#endif
+        empty[i] = nothing;
+        double c = nx * vx + ny * vy + nz * vz, sign = c < 0 ? -1.0 : 1.0, ratio = c < 0 ? inverse_index : index;
+#if IRRADIANCE
+        turn(&outward, i, nx, ny, nz, m);
+#endif
+        nx *= sign;
+        ny *= sign;
+        nz *= sign;
+        c = fabs(c);
+        c = c > 1 ? 1.0 : c;
+        double eta = 1 / ratio, k = 1 - eta * eta * (1 - c * c), twice = 2 * c;
+        share[i] = FRESNEL ? (float)reflected(c, ratio, k) : fixed;
+        int behind = BEHIND & nothing;
+#if MODE != 1
+        turn(&mirror, i, behind ? -vx : twice * nx - vx, behind ? -vy : twice * ny - vy,
+             behind ? -vz : twice * nz - vz, m);
+#endif
+#if MODE != 0
+        double along = eta * c - sqrt(k < 0 ? 0.0 : k);
+        along = k < 0 ? twice : along;
+        eta = k < 0 ? 1.0 : eta;
+        turn(&through, i, behind ? -vx : along * nx - eta * vx, behind ? -vy : along * ny - eta * vy,
+             behind ? -vz : along * nz - eta * vz, m);
+#endif
+    }
+    Places at;
+    float4 made[SEGMENT];
+#if IRRADIANCE
+    located(&at, &outward, irradiance_tall, irradiance_wide, cells);
+    EACH made[i] = value(irradiance, &at, i, irradiance_wide);
+#endif
+    EACH {
+#if BASE && IRRADIANCE
+        made[i] *= coloured(own, i);
+#elif BASE
+        made[i] = coloured(own, i);
+#elif !IRRADIANCE
+        made[i] = (float4)(0.0f);
+#endif
+#if COATED
+        made[i] *= 1.0f - share[i];
+#endif
+    }
+    float4 plain = (float4)(0.0f);
+#if MODE != 1
+    located(&at, &mirror, tall, wide, cells);
+    EACH {
+        float4 seen = value(environment, &at, i, wide);
+#if BASE
+        plain = coloured(own, i);
+#endif
+        made[i] = empty[i] ? (BEHIND ? seen : plain) : made[i] + share[i] * seen;
+    }
+#endif
+#if MODE != 0
+    located(&at, &through, tall, wide, cells);
+    EACH {
+        float4 seen = value(environment, &at, i, wide), kept = made[i];
+        float passes = MODE == 1 && !FRESNEL ? share[i] : 1.0f - share[i];
+#if MODE == 1
+#if BASE
+        plain = coloured(own, i);
+#endif
+        kept = BEHIND ? seen : plain;
+#endif
+        made[i] = empty[i] ? kept : made[i] + passes * seen;
+    }
+#endif
+    for (int i = 0; i <= last; ++i) {
+        global float *p = out + (first + i) * COLOURS;
+        p[0] = made[i].x;
+#if COLOURS > 1
+        p[1] = made[i].y;
+#endif
+#if COLOURS > 2
+        p[2] = made[i].z;
+#endif
+#if COLOURS > 3
+        p[3] = made[i].w;
+#endif
+    }
+}

@@ -1,0 +1,305 @@
+"""Depth of field: what lies off the plane in focus is blurred as a lens blurs it, from a picture and its depths.
+
+Truth. A point at depth z is seen by a thin lens as a disc, or a polygon of `blades`, of the radius
+
+    r(z) = `blur` |1 - `focus` / z|    px, `largest` at most; rounded to float32
+
+`blur` being that of points at infinity: for a lens of focal length f and f-number N, focused at s, it is
+f^2 / (2 N (s - f)) times the pixels per unit of length on the sensor. Every pixel spreads its light evenly over its
+disc, and a pixel shows the mean of all that reach it:
+
+    result(p) = sum over q of w(q, p) picture(q) / sum of w(q, p)
+    w(q, p) = min(max(r - |p - q| + 1/2, 0), 1) / (r^2 + 1/12)
+
+with r that of q, but no more than that of p where q lies behind p: what is behind does not spread over what is in focus
+before it. |p - q| is the radius of the shape through p about q. The edge of a disc fades over a pixel, so that radii
+grow without steps, and a radius of 0 leaves a pixel alone. Nothing lies beyond the picture's edges. Depths are
+distances along the view; infinity is far away, NaN takes no part anywhere and is NaN itself.
+
+One picture does not know what is hidden: what a lens sees around the edge of something near is missing, and its place
+is taken by what shows. The mean of many pictures from points of the lens (`accumulate`) knows it.
+
+Methods: `gather` takes every pixel within reach. `sampled` takes as many as asked for, along a spiral as wide as the
+largest radius near a run of 64 pixels, and all where they are no more than that.
+
+Sources: M. Potmesil and I. Chakravarty, A lens and aperture camera model for synthetic image generation, SIGGRAPH 1981;
+J. Demers, Depth of field: a survey of techniques, GPU Gems, 2004; H. Vogel, A better way to construct the sunflower
+head, Mathematical Biosciences 44, 1979.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import Field
+
+from lichen.errors import Flaw
+from lichen.image import Alpha, Extent
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.operation import (
+    ROUNDING,
+    Degrees,
+    Error,
+    Facts,
+    Footprint,
+    HardCase,
+    Input,
+    InputFacts,
+    Inputs,
+    Knob,
+    Light,
+    Operation,
+    OperationParameters,
+    Pixels,
+    Rate,
+)
+from lichen.operations.compositing.layers import FLOAT_MAX, same_size
+from lichen.operations.lens.circles import (
+    NOTHING,
+    SEGMENT,
+    Bokeh,
+    gathered,
+    grouped,
+    radii,
+    sampled,
+    segmented,
+    taps,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lichen.opencl.device import Device
+
+
+class Parameters(OperationParameters):
+    focus: float = Field(1.0, gt=0, le=1e9, description="depth of the plane in focus, in the units of the depths")
+    blur: Pixels = Field(8.0, ge=0, le=1e4, description="radius at which points at infinity are seen")
+    largest: Pixels = Field(16.0, ge=0, le=64, description="no radius is larger")
+    blades: int = Field(0, ge=0, le=16, description="of the aperture: 3 or more, or 0 for a disc")
+    rotation: Degrees = Field(0.0, ge=-1e5, le=1e5, description="of the blades, to the left")
+
+    @property
+    def bokeh(self) -> Bokeh:
+        return Bokeh(self.blades, self.rotation)
+
+    @property
+    def around(self) -> int:
+        return math.ceil(self.largest + 0.5)
+
+
+def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
+    flaws = same_size(facts, "image", "depth")
+    if p.blades in (1, 2):
+        flaws.append(Flaw("/parameters/blades", f"must be 0 or at least 3 (got {p.blades})"))
+    return flaws
+
+
+def _radius(p: Parameters, facts: InputFacts) -> float:
+    """The largest that the depths can make."""
+    if "depth" not in facts or facts["depth"].extent.low <= 0:
+        return p.largest
+    extent = facts["depth"].extent
+    most = max(abs(1 - p.focus / extent.low), abs(1 - p.focus / extent.high), 1.0 if extent.nonfinite else 0.0)
+    return min(p.blur * most, p.largest)
+
+
+def _identity(p: Parameters, facts: InputFacts) -> str | None:
+    still = _radius(p, facts) == 0 and not facts["depth"].extent.nonfinite
+    return "everything is in focus" if still or (p.blur == 0 and not facts["depth"].extent.nonfinite) else None
+
+
+def _gather_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    """Sums are doubles, rounded once; a weighted mean of values of both signs by its terms."""
+    value = min(2 * ROUNDING * facts["image"].extent.magnitude, FLOAT_MAX)
+    return Error(value, "bound", value)
+
+
+def _sampled_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    """Both are means of the picture's values, so they differ by its range at most; usually by what the mean of as many
+    independent values would."""
+    extent = facts["image"].extent
+    rounding = min((knob + 12) * 2 * ROUNDING * extent.magnitude, FLOAT_MAX)
+    usual = 0.3 * extent.spread / math.sqrt(knob) + rounding
+    return Error(min(extent.spread + rounding, FLOAT_MAX), "bound", rounding, usual)
+
+
+def _result(p: Parameters, facts: InputFacts) -> Facts:
+    image = facts["image"]
+    slack = 600 * ROUNDING * image.extent.magnitude
+    bad = any(each.extent.nonfinite for each in facts.values()) or image.extent.magnitude + slack >= FLOAT_MAX
+    low, high = max(image.extent.low - slack, -FLOAT_MAX), min(image.extent.high + slack, FLOAT_MAX)
+    return Facts(
+        image.height, image.width, image.channels, image.space, image.alpha,
+        Extent(low, high, image.samples if bad else 0),
+    )  # fmt: skip
+
+
+def _depths(*values: float) -> Mapping[str, Any]:
+    depth = np.array(values, np.float32).reshape(1, -1, 1)
+    return {"image": np.full(depth.shape, 0.7, np.float32), "depth": depth}
+
+
+def _grey(inputs: Mapping[str, Any], pixels: Array) -> str | None:
+    lost = np.isnan(inputs["depth"])
+    good = np.isnan(pixels[lost]).all() and np.abs(pixels[~lost] - np.float32(0.7)).max(initial=0.0) <= 1e-6
+    return None if good else f"a constant became {pixels.reshape(-1).tolist()}"
+
+
+def _leak() -> Mapping[str, Any]:
+    """A dark thing in focus before a bright ground far away."""
+    near = np.arange(32) < 16
+    depth = np.where(near, 1.0, 1e6).astype(np.float32).reshape(1, -1, 1)
+    return {
+        "image": np.repeat(np.where(near, 0.0, 1e4).astype(np.float32).reshape(1, -1, 1), 9, axis=0),
+        "depth": np.repeat(depth, 9, axis=0),
+    }
+
+
+depth_of_field = Operation(
+    name="depth_of_field",
+    family="lens",
+    summary="Blurs what lies off the plane in focus, as a lens with an aperture of a shape does.",
+    description=__doc__ or "",
+    parameters=Parameters,
+    inputs=(
+        Input("image", "a picture"),
+        Input("depth", "distances along the view", (1, 1), picture=False),
+    ),
+    light=Light.LINEAR,
+    wants_alpha=Alpha.ASSOCIATED,
+    footprint=lambda p, facts: Footprint(p.around, p.around),
+    identity=_identity,
+    result=_result,
+    check=_check,
+    examples=(
+        {"focus": 0.6, "blur": 4.0, "largest": 5.0},
+        {"focus": 0.3, "blur": 1.5, "largest": 4.0, "blades": 6, "rotation": 10},
+        {"focus": 2.0, "blur": 0.8, "largest": 8.0},
+    ),
+    hard_cases=(
+        HardCase(
+            name="depths of 0, infinity and NaN",
+            why="focus / 0, inf / inf, and a radius that is none",
+            inputs=lambda: _depths(0.0, -0.0, np.inf, np.nan, 1.0, 1e-30, 1e30, -1.0, -np.inf),
+            parameters={"largest": 3.0},
+            holds=_grey,
+        ),
+        HardCase(
+            name="what is bright and far does not leak over what is in focus",
+            why="a gather by radii alone spreads the ground over the edge before it",
+            inputs=_leak,
+            parameters={"blur": 8},
+            holds=lambda inputs, pixels: (
+                None if float(pixels[:, :16].max()) == 0 else f"the edge shows {float(pixels[:, :16].max()):g}"
+            ),
+        ),
+        HardCase(
+            name="one pixel",
+            why="a neighbourhood of nothing",
+            inputs=lambda: _depths(5.0),
+            parameters={},
+            holds=_grey,
+        ),
+    ),
+)
+
+
+def _planes(inputs: Inputs, p: Parameters) -> tuple[Array, Array]:
+    """Depths and radii."""
+    depth = inputs["depth"].pixels[..., 0]
+    return depth, radii(depth, p.focus, p.blur, p.largest)
+
+
+@depth_of_field.truth
+def truth(inputs: Inputs, p: Parameters) -> Array:
+    depth, radius = _planes(inputs, p)
+    return gathered(inputs["image"].pixels, depth, radius, p.bokeh)
+
+
+def _laid_out(plane: Array, around: int, value: float) -> Array:
+    """Planes with nothing about them, and to the right as much more as a segment may read."""
+    sides = [(0, 0)] * (plane.ndim - 2) + [(around, around), (around, around + SEGMENT)]
+    return aligned(np.pad(plane, sides, constant_values=value))
+
+
+def _gather(device: Device, inputs: Inputs, p: Parameters) -> Array:
+    image, (depth, radius) = inputs["image"], _planes(inputs, p)
+    height, width = radius.shape
+    around = max(math.ceil(float(radius.max()) + 0.5), 0)
+    offsets = np.array(grouped(around), np.float64)
+    distance = p.bokeh.distance(-offsets[:, 1], -offsets[:, 0])
+    out = aligned_empty(image.pixels.shape)
+    planes = _laid_out(np.moveaxis(image.pixels, -1, 0), around, 0.0)
+    with device.session() as session:
+        session.launch(
+            "lens/depth_of_field.cl", "gathered", (-(-width // SEGMENT), height),
+            planes, _laid_out(radius, around, float(NOTHING)), _laid_out(depth, around, np.inf),
+            aligned(segmented(radius, around), np.int32), aligned(distance, np.float64), session.write(out),
+            np.int32(width), np.int32(height), np.int32(planes.shape[2]), np.int32(around), np.int32(2 * around + 1),
+            local=(1, 1), defines={"CHANNELS": image.channels},
+        )  # fmt: skip
+    return out
+
+
+def _sampled(device: Device, inputs: Inputs, p: Parameters, samples: int) -> Array:
+    image, (depth, radius) = inputs["image"], _planes(inputs, p)
+    height, width = radius.shape
+    planes = _laid_out(np.moveaxis(image.pixels, -1, 0), p.around, 0.0)
+    reaches, which = np.unique(segmented(radius, p.around), return_inverse=True)
+    lists = [taps(int(reach), samples, p.bokeh) for reach in reaches]
+    ends = np.cumsum([0, *map(len, lists)])
+    ranges = np.stack([ends[:-1], ends[1:]], axis=-1)[which.reshape(-1)]
+    out = aligned_empty(image.pixels.shape)
+    with device.session() as session:
+        session.launch(
+            "lens/depth_of_field.cl", "sampled", (-(-width // SEGMENT), height),
+            planes, _laid_out(radius, p.around, float(NOTHING)), _laid_out(depth, p.around, np.inf),
+            aligned(ranges, np.int32), aligned(np.concatenate(lists)), session.write(out), np.int32(width),
+            np.int32(height), np.int32(planes.shape[2]), np.int32(p.around),
+            local=(1, 1), defines={"CHANNELS": image.channels},
+        )  # fmt: skip
+    return out
+
+
+@depth_of_field.method(
+    "gather",
+    error=_gather_error,
+    work=lambda p, knob, facts: (
+        facts["image"].pixels * (2 * _radius(p, facts) + 2) ** 2 * (4.0 + facts["image"].channels)
+    ),
+    rates={"opencl": Rate(1e-3, 2.5e-10), "numpy": Rate(1e-3, 6e-9)},
+)
+class Gather:
+    """Every pixel within reach, sums in doubles."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
+        return _gather(device, inputs, p) if device.has_fp64 else Gather.numpy(inputs, p, knob)
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
+        depth, radius = _planes(inputs, p)
+        return aligned(gathered(inputs["image"].pixels, depth, radius, p.bokeh).astype(np.float32))
+
+
+@depth_of_field.method(
+    "sampled",
+    knob=Knob("samples", (16, 32, 64, 128), "pixels taken around each", 4, 1024),
+    error=_sampled_error,
+    work=lambda p, knob, facts: facts["image"].pixels * (knob + 50) * (4.0 + facts["image"].channels),
+    rates={"opencl": Rate(2e-3, 1.7e-10), "numpy": Rate(2e-3, 2e-8)},
+)
+class Sampled:
+    """Pixels along a spiral within the largest radius nearby; all of them where they are few."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
+        return _sampled(device, inputs, p, round(knob))
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
+        depth, radius = _planes(inputs, p)
+        return aligned(sampled(inputs["image"].pixels, depth, radius, p.bokeh, p.largest, round(knob)))
