@@ -78,6 +78,8 @@ class Buffers(OperationParameters):
     """of their facets"""
     emissive: str | None = None
     """how much of them fog does not hide"""
+    motion: str | None = None
+    """how far each pixel's point has moved in the picture, px; the shutter needs it"""
 
     @property
     def given(self) -> dict[str, str]:
@@ -130,6 +132,13 @@ class Scene(OperationParameters):
     """how surfaces reflect: parameters of the operation lighting"""
     fog: dict[str, Any] | None = None
     """parameters of the operation fog"""
+    environment: dict[str, Any] | None = None
+    """what surfaces show of their surroundings: parameters of the operation reflection, and `image`, the name of a
+    picture of all directions that is sent along"""
+    lens: dict[str, Any] | None = None
+    """parameters of the operation depth_of_field"""
+    shutter: dict[str, Any] | None = None
+    """parameters of the operation motion_blur"""
     background: Colour = (0.0, 0.0, 0.0)
     """the light where there is nothing"""
     output: Output = Output.PICTURE
@@ -140,6 +149,8 @@ class Scene(OperationParameters):
         """Pictures that it may read, by the names that they are sent under."""
         maps = [each.shadow.map for each in self.lights if each.shadow is not None and each.shadow.map is not None]
         layers = [self.buffers.layers] if self.buffers.layers is not None else []
+        if self.environment is not None:
+            layers.append(str(self.environment.get("image")))
         return tuple(dict.fromkeys([*layers, *self.buffers.given.values(), *maps]))
 
     @property
@@ -173,6 +184,8 @@ def refuse(scene: Scene) -> None:
     """Raises `InvalidRequest` with what only several parts together show; layers are judged when they are known."""
     flaws = [Flaw("/buffers", "objects, or buffers: not both")] if scene.objects and scene.everything_given else []
     flaws += scene.camera.camera_flaws("/camera")
+    if scene.environment is not None and not isinstance(scene.environment.get("image"), str):
+        flaws.append(Flaw("/environment/image", "is required: the name of a picture that is sent along"))
     flaws += _flaws(scene) if scene.buffers.layers is None else []
     if flaws:
         raise InvalidRequest(f"The scene has {len(flaws)} flaw(s).", flaws)
@@ -188,6 +201,12 @@ def _flaws(scene: Scene) -> list[Flaw]:
         flaws.append(Flaw("/buffers/normal", "is required by lights"))
     if given and "depth" not in given and "position" not in given and (scene.fog is not None or scene.lights):
         flaws.append(Flaw("/buffers/depth", "depth or position is required by fog and lights"))
+    if given and "motion" not in given and scene.shutter is not None:
+        flaws.append(Flaw("/buffers/motion", "is required by the shutter"))
+    if given and scene.lens is not None and ("depth" not in given or scene.camera.depth_kind is not DepthKind.PLANAR):
+        flaws.append(Flaw("/buffers/depth", "planar depth is required by the lens"))
+    if given and scene.environment is not None and "normal" not in given:
+        flaws.append(Flaw("/buffers/normal", "is required by the environment"))
     if given and "albedo" not in given and scene.output in (Output.ALBEDO,):
         flaws.append(Flaw("/buffers/albedo", "is what was asked for"))
     for number, light in enumerate(scene.lights):
