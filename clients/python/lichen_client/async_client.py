@@ -71,6 +71,32 @@ class AsyncClient(Transport):
         )
         return await self._document(call)
 
+    async def render(
+        self,
+        scene: Mapping[str, Any] | str,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> Result:
+        """As `Client.render`."""
+        call = await asyncio.to_thread(calls.scene_call, scene, images, wishes, format=format)
+        return calls.read_result(await self._converse(call))
+
+    async def explain_scene(
+        self,
+        scene: Mapping[str, Any] | str,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> dict[str, Any]:
+        """As `Client.explain_scene`."""
+        call = await asyncio.to_thread(calls.scene_call, scene, images, wishes, format=format, explain=True)
+        return await self._document(call)
+
     async def operations(self) -> dict[str, Any]:
         """As `Client.operations`."""
         return await self._document(calls.get_call("v1", "operations"))

@@ -140,6 +140,27 @@ def pipeline_call(
     )
 
 
+def scene_call(
+    scene: Mapping[str, Any] | str,
+    images: Mapping[str, Any] | None,
+    wishes: Mapping[str, Any],
+    *,
+    format: str | None,
+    explain: bool = False,
+) -> Call:
+    """The request that renders (or only explains) a scene: a form of the scene and its pictures."""
+    said = (scene if isinstance(scene, str) else json.dumps(scene)).encode()
+    pictures = (_part(name, value) for name, value in (images or {}).items())
+    asked = {name: as_text(value) for name, value in wishes.items() if value is not None}
+    wanted = {"format": format or "npy"} | ({"explain": "true"} if explain else {})
+    return Call(
+        method="QUERY",
+        target=f"/v1/scenes?{urlencode({**asked, **wanted}, quote_via=quote)}",
+        parts=(Part("scene", said, "application/json"), *pictures),
+        accept="application/json" if explain else "*/*",
+    )
+
+
 def _form_of(format: str | None) -> str:
     """What outputs come as where the pipeline does not say: arrays, or the format that was named."""
     return NPY if format is None else "*/*"

@@ -91,6 +91,36 @@ class Client(Transport):
         call = calls.pipeline_call(pipeline, image, images, wishes, format=format, explain=True)
         return self._document(call)
 
+    def render(
+        self,
+        scene: Mapping[str, Any] | str,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> Result:
+        """Renders a scene: a mapping or its JSON; `images` holds the buffers that it names.
+
+        format: of the picture; without it an array of scene-linear light.
+        wishes: as those of `run_pipeline`; `prune=False` computes what cannot be seen, too.
+
+        Raises as `run`.
+        """
+        return calls.read_result(self._converse(calls.scene_call(scene, images, wishes, format=format)))
+
+    def explain_scene(
+        self,
+        scene: Mapping[str, Any] | str,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> dict[str, Any]:
+        """Which effects the service would run for the same `render`, and why not the others; no pixel is computed."""
+        return self._document(calls.scene_call(scene, images, wishes, format=format, explain=True))
+
     def operations(self) -> dict[str, Any]:
         """What the service can do: the document of /v1/operations."""
         return self._document(calls.get_call("v1", "operations"))
