@@ -5,6 +5,7 @@ python docs/pictures/make.py [NAME ...]
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -32,8 +33,8 @@ PICTURES = {
 
 
 def main() -> None:
-    for name in sys.argv[1:] or (*PICTURES, "textures"):
-        picture = textures() if name == "textures" else made(*PICTURES[name])
+    for name in sys.argv[1:] or (*PICTURES, *OTHERS):
+        picture = OTHERS[name]() if name in OTHERS else made(*PICTURES[name])
         shown = picture if picture.space is Space.SRGB else picture.replace(space=Space.SRGB)
         encoded = encode(shown, "jpeg", storage=Storage.UINT8, quality=88)
         (HERE / f"{name}.jpg").write_bytes(encoded.data)
@@ -50,6 +51,17 @@ def textures() -> Image:
     """All named textures in a row."""
     each = [made(lichen.texture(name, width=320, height=320), ()).pixels for name in lichen.textures()]
     return Image(np.ascontiguousarray(np.concatenate([np.broadcast_to(one, (320, 320, 3)) for one in each], axis=1)))
+
+
+def scene() -> Image:
+    """The sample scene, rendered at twice its size and reduced."""
+    said = json.loads((SAMPLES / "scene.json").read_text())
+    width, height = said["camera"]["width"], said["camera"]["height"]
+    said["camera"] |= {"width": 2 * width, "height": 2 * height}
+    return lichen.run("resize", lichen.render(said).image, width=width, height=height, space="srgb").image
+
+
+OTHERS = {"textures": textures, "scene": scene}
 
 
 if __name__ == "__main__":
