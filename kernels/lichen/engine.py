@@ -22,7 +22,7 @@ from lichen.accuracy.metrics import Difference
 from lichen.accuracy.precision import Precision
 from lichen.errors import DeviceFailure, Flaw, InvalidRequest, nearest
 from lichen.execution import computed, exact
-from lichen.image import Alpha, Image, Space, Storage
+from lichen.image import Alpha, Image, Space, Storage, as_image
 from lichen.memory import Array
 from lichen.opencl.device import Device, default_device, status
 from lichen.opencl.extent import extent as device_extent
@@ -269,7 +269,8 @@ def prepare_scene(
     **wishes: Any,
 ) -> Prepared:
     """What `render` with the same arguments would carry out."""
-    from lichen.scene.description import read
+    from lichen.scene.description import read, refuse
+    from lichen.scene.layers import spread
     from lichen.scene.lowering import lower
 
     said = read(scene)
@@ -277,8 +278,12 @@ def prepare_scene(
     if unknown:
         flaws = [Flaw(f"/inputs/{name}", f"is not read; {nearest(name, said.names)}") for name in unknown]
         raise InvalidRequest("The scene reads no such pictures.", flaws)
+    said, sent = spread(
+        said, {name: as_image(each, pointer=f"/inputs/{name}") for name, each in (images or {}).items()}
+    )
+    refuse(said)
     lowered = lower(said, prune=bool(wishes.get("prune", True)))
-    given = {name: image for name, image in (images or {}).items() if name in lowered.pipeline.inputs}
+    given = {name: image for name, image in sent.items() if name in lowered.pipeline.inputs}
     try:
         return _prepared(
             lambda backend: read_pipeline_order(lowered.pipeline, given, wishes, backend), device, lowered.decisions

@@ -147,7 +147,8 @@ def relocated() -> Iterator[None]:
 
 _OWN = (
     "parameters", "inputs", "query", "nodes", "outputs", "pipeline",
-    "scene", "camera", "objects", "buffers", "lights", "ambient", "surface", "fog", "background", "output",
+    "scene", "camera", "objects", "buffers", "lights", "ambient", "surface", "fog", "environment", "lens", "shutter",
+    "background", "output",
 )  # fmt: skip
 """What documents and pictures are made of: places that are the request's own."""
 

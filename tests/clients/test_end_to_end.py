@@ -96,6 +96,32 @@ def test_the_asynchronous_client_gets_the_same(url: str, client: Client, image: 
     np.testing.assert_array_equal(asyncio.run(once()), client.run("gaussian", image, sigma=2.5).array)
 
 
+def test_scenes_are_rendered_and_explained(url: str, client: Client) -> None:
+    scene = {
+        "camera": {"eye": [0, 1.5, 4], "target": [0, 0.5, 0], "width": 32, "height": 24},
+        "objects": [{"shape": "plane"}, {"shape": "sphere", "centre": [0, 0.7, 0], "radius": 0.7}],
+        "lights": [{"kind": "point", "position": [3, 5, 2], "intensity": 30, "shadow": {"size": 32}}],
+        "environment": {"image": "sky", "reflectance": 0.2},
+        "fog": {"density": 0},
+    }
+    sky = np.full((4, 8, 3), 0.5, np.float32)
+    made = client.render(scene, images={"sky": sky})
+    expected = lichen.render(scene, images={"sky": sky}, device="numpy").image.pixels
+    np.testing.assert_allclose(made.array, expected, atol=1e-6)
+
+    async def once() -> np.ndarray:
+        async with AsyncClient(url) as other:
+            return (await other.render(scene, images={"sky": sky})).array
+
+    np.testing.assert_array_equal(asyncio.run(once()), made.array)
+    said = client.explain_scene(scene, images={"sky": sky})
+    assert {"node": "fog", "reason": "its density is 0"}.items() <= {
+        key: value for each in said["decisions"] if each["node"] == "fog" for key, value in each.items()
+    }.items()
+    with pytest.raises(Unprocessable):
+        client.render({**scene, "camera": {"fov": 0}})
+
+
 def test_further_images_reach_their_inputs(client: Client) -> None:
     field = np.dstack([np.ones((16, 16)), np.zeros((16, 16))]).astype(np.float32)
     texture = np.random.default_rng(2).random((16, 16, 1), np.float32)

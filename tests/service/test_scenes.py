@@ -88,6 +88,28 @@ def test_flaws_are_told_at_the_scenes_own_places(call: Caller) -> None:
     assert refused(posted(call, unsent)) == {"/inputs/z", "/inputs/n"}
 
 
+def test_layers_of_one_picture_are_its_buffers(call: Caller) -> None:
+    """What is in them is known when they are decoded, and flaws of the scene come then."""
+    camera = {key: SCENE["camera"][key] for key in ("eye", "target", "width", "height")}
+    seen = {
+        name: lichen.run("gbuffer", objects=SCENE["objects"], buffer=name, frame="world", **camera).image.pixels
+        for name in ("position", "normal")
+    }
+    names = [f"L.{each.title()}.{axis}" for each in seen for axis in "XYZ"]
+    layers = lichen.Image(np.concatenate(list(seen.values()), axis=2), metadata={"channel_names": names})
+    data = bytes(encode(layers, "exr", storage=lichen.Storage.FLOAT32).data)
+    scene = {"camera": {"eye": camera["eye"]}, "buffers": {"layers": "all"}, "lights": [{}]}
+    parts = {"scene": (json.dumps(scene).encode(), "application/json"), "all": (data, "image/x-exr")}
+    body, headers = form(parts)
+    response = call("POST", PATH, body, headers)
+    assert response.status == 200, bytes(response.body)
+    assert response.headers["Content-Type"] == "image/png"
+    assert decode(bytes(response.body)).pixels.std() > 0.05
+    parts["scene"] = (json.dumps({**scene, "ambient": [1, 1, 1]}).encode(), "application/json")
+    body, headers = form(parts)
+    assert refused(call("POST", PATH, body, headers)) == {"/buffers/albedo"}
+
+
 def refused(response: Response) -> set[str]:
     """Pointers to all that the problem document names."""
     return pointers(problem_of(response, 422, "invalid-request"))

@@ -62,6 +62,8 @@ class View(Camera):
 class Buffers(OperationParameters):
     """Names of pictures sent along."""
 
+    layers: str | None = None
+    """one picture of many layers, found by their names, in place of those below that are not named"""
     depth: str | None = None
     """how far away each pixel is"""
     position: str | None = None
@@ -76,10 +78,13 @@ class Buffers(OperationParameters):
     """of their facets"""
     emissive: str | None = None
     """how much of them fog does not hide"""
+    motion: str | None = None
+    """how far each pixel's point has moved in the picture, px; the shutter needs it"""
 
     @property
     def given(self) -> dict[str, str]:
-        return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
+        names = [name for name in type(self).model_fields if name != "layers"]
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 
 class Shadow(OperationParameters):
@@ -101,7 +106,7 @@ class Shadow(OperationParameters):
     """of a map sent along: what is up in it"""
     fov: float = Field(90.0, ge=0.01, le=175)
     """of a map sent along: its vertical angle"""
-    extent: float | None = Field(None, gt=0, le=1e6)
+    extent: float | None = Field(None, ge=1e-6, le=1e6)
     """of the map of a directional light sent along: the height of what it shows"""
 
 
@@ -127,6 +132,13 @@ class Scene(OperationParameters):
     """how surfaces reflect: parameters of the operation lighting"""
     fog: dict[str, Any] | None = None
     """parameters of the operation fog"""
+    environment: dict[str, Any] | None = None
+    """what surfaces show of their surroundings: parameters of the operation reflection, and `image`, the name of a
+    picture of all directions that is sent along"""
+    lens: dict[str, Any] | None = None
+    """parameters of the operation depth_of_field"""
+    shutter: dict[str, Any] | None = None
+    """parameters of the operation motion_blur"""
     background: Colour = (0.0, 0.0, 0.0)
     """the light where there is nothing"""
     output: Output = Output.PICTURE
@@ -136,12 +148,15 @@ class Scene(OperationParameters):
     def names(self) -> tuple[str, ...]:
         """Pictures that it may read, by the names that they are sent under."""
         maps = [each.shadow.map for each in self.lights if each.shadow is not None and each.shadow.map is not None]
-        return tuple(dict.fromkeys([*self.buffers.given.values(), *maps]))
+        layers = [self.buffers.layers] if self.buffers.layers is not None else []
+        if self.environment is not None:
+            layers.append(str(self.environment.get("image")))
+        return tuple(dict.fromkeys([*layers, *self.buffers.given.values(), *maps]))
 
     @property
     def everything_given(self) -> bool:
         """Whether buffers stand in place of objects."""
-        return bool(self.buffers.given)
+        return bool(self.buffers.given) or self.buffers.layers is not None
 
 
 def read(said: Scene | Mapping[str, Any] | str | bytes) -> Scene:
@@ -161,24 +176,37 @@ def read(said: Scene | Mapping[str, Any] | str | bytes) -> Scene:
         flaws = parameter_flaws(invalid, "scene", Scene.model_fields)
         flaws = [Flaw(each.pointer.removeprefix("/parameters"), each.detail) for each in flaws]
         raise InvalidRequest(f"The scene has {len(flaws)} flaw(s).", flaws) from None
-    flaws = _flaws(scene)
+    refuse(scene)
+    return scene
+
+
+def refuse(scene: Scene) -> None:
+    """Raises `InvalidRequest` with what only several parts together show; layers are judged when they are known."""
+    flaws = [Flaw("/buffers", "objects, or buffers: not both")] if scene.objects and scene.everything_given else []
+    flaws += scene.camera.camera_flaws("/camera")
+    if scene.environment is not None and not isinstance(scene.environment.get("image"), str):
+        flaws.append(Flaw("/environment/image", "is required: the name of a picture that is sent along"))
+    flaws += _flaws(scene) if scene.buffers.layers is None else []
     if flaws:
         raise InvalidRequest(f"The scene has {len(flaws)} flaw(s).", flaws)
-    return scene
 
 
 def _flaws(scene: Scene) -> list[Flaw]:
     """What only several of a scene's parts together show."""
-    flaws = scene.camera.camera_flaws("/camera")
+    flaws: list[Flaw] = []
     given = scene.buffers.given
-    if scene.objects and given:
-        flaws.append(Flaw("/buffers", "objects, or buffers: not both"))
     if given and "depth" in given and "position" in given:
         flaws.append(Flaw("/buffers/position", "depth, or position: not both"))
     if given and scene.lights and "normal" not in given:
         flaws.append(Flaw("/buffers/normal", "is required by lights"))
     if given and "depth" not in given and "position" not in given and (scene.fog is not None or scene.lights):
         flaws.append(Flaw("/buffers/depth", "depth or position is required by fog and lights"))
+    if given and "motion" not in given and scene.shutter is not None:
+        flaws.append(Flaw("/buffers/motion", "is required by the shutter"))
+    if given and scene.lens is not None and ("depth" not in given or scene.camera.depth_kind is not DepthKind.PLANAR):
+        flaws.append(Flaw("/buffers/depth", "planar depth is required by the lens"))
+    if given and scene.environment is not None and "normal" not in given:
+        flaws.append(Flaw("/buffers/normal", "is required by the environment"))
     if given and "albedo" not in given and scene.output in (Output.ALBEDO,):
         flaws.append(Flaw("/buffers/albedo", "is what was asked for"))
     for number, light in enumerate(scene.lights):

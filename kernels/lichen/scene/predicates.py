@@ -19,7 +19,7 @@ import numpy as np
 from lichen.memory import Array
 from lichen.operations.lighting.lamps import Kind
 from lichen.operations.scene.casting import _around
-from lichen.operations.scene.objects import Blob, Box, Object, Plane, Sphere
+from lichen.operations.scene.objects import Blob, Box, Object, Plane, Sphere, Terrain
 from lichen.scene.description import Light
 
 Ball = tuple[Array, float]
@@ -35,6 +35,10 @@ def ball(each: Object) -> Ball | None:
         case Blob():
             *centre, radius = _around(each)
             return np.array(centre), radius
+        case Terrain():
+            low, high = min(map(min, each.heights)), max(map(max, each.heights))
+            half = np.array([each.size[0], high - low, each.size[1]]) / 2
+            return np.array(each.corner) + half + [0, low, 0], float(np.linalg.norm(half))
     return None
 
 
@@ -86,7 +90,7 @@ def _enters(light: Light, each: Object) -> bool:
 
 def unshadowed(objects: Sequence[Object]) -> str | None:
     """Why no object hides a light from another, nor from itself."""
-    if len(objects) == 1 and not isinstance(objects[0], Blob):
+    if len(objects) == 1 and not isinstance(objects[0], Blob | Terrain):
         return "one convex object hides nothing of itself that faces the light"
     return None
 

@@ -77,6 +77,7 @@ class Pipelines:
         digests = self._running.digests(given)
         with stages.stage("decode"):
             images = self._running.decode(given)
+        told, images = self._known(told, images, options)
         with relocated():
             deliveries = _deliveries(told, options, request.head, given, images, self._settings)
             wishes = wishes_of(options, self._settings)
@@ -127,6 +128,10 @@ class Pipelines:
             return engine.prepare_pipeline(_delivered(pipeline, forms), images=images, **wishes)
 
         return Told(pipeline, pipeline.inputs, prepare)
+
+    def _known(self, told: Told, images: dict[str, Image], options: Options) -> tuple[Told, dict[str, Image]]:
+        """The document and its pictures once these are decoded."""
+        return told, images
 
     def _read(self, request: Request) -> tuple[Told, Options, Uploads]:
         """Document, options and uploads. Raises what is wrong with any of them, all of it at once."""
@@ -193,7 +198,7 @@ def _deliveries(
         _require_parts(accept)
     accept = None if options.explain else mixed.of_the_result(accept)
     origin = NOWHERE
-    for name in pipeline.inputs[:1]:
+    for name in [each for each in pipeline.inputs if each in given][:1]:
         image = images[name]
         origin = Origin(probe(given[name].data).format, image.storage, image.space, image.alpha)
     deliveries = {}

@@ -49,6 +49,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "fog": {"kind": "layered", "heights": [0, 0.5, 2], "densities": [0.4, 0.0, 0.1], "density": 0.5},
         "surface": {"model": "blinn_phong", "highlight": [0.5, 0.5, 0.5]},
     },
+    "by a still lens with a shutter": {**STILL, "lens": {"blur": 0}, "shutter": {}},
     "in no light at all": {**STILL, "lights": [DARK], "ambient": [0, 0, 0]},
 }
 
@@ -90,13 +91,19 @@ def test_what_is_left_out_changes_nothing(name: str) -> None:
         ({"lights": [SPOT, DARK]}, "shadow/"),
         ({"lights": [SPOT, DARK]}, "lighting/"),
         ({"output": "light"}, "fog/"),
+        ({"lens": {"focus": 4.5, "blur": 0}}, "lens/"),
+        ({"objects": STILL["objects"], "shutter": {}}, "motion/"),
+        ({"environment": {"image": "sky", "reflectance": 0}}, "environment/"),
     ],
 )
 def test_effects_that_are_off_launch_no_kernel(changes: dict[str, Any], source: str, launched: list[str]) -> None:
-    lichen.render(STILL, device="opencl")
+    sky = {"sky": lichen.Image(np.full((8, 16, 3), 0.5, np.float32), lichen.Space.LINEAR)}
+    moving = [STILL["objects"][0], {**STILL["objects"][1], "velocity": [0.2, 0, 0]}, STILL["objects"][2]]
+    on = {"lens": {"focus": 4.5, "blur": 3}, "shutter": {}, "objects": moving, "environment": {"image": "sky"}}
+    lichen.render({**STILL, **on}, images=sky, device="opencl")
     assert any(each.startswith(source) for each in launched), "the effect is on, and counted"
     launched.clear()
-    lichen.render({**STILL, **changes}, device="opencl")
+    lichen.render({**STILL, **changes}, images=sky if "environment" in changes else None, device="opencl")
     assert launched
     assert not [each for each in launched if each.startswith(source)]
 
@@ -122,6 +129,30 @@ def test_shadow_darkens_and_fog_brightens_where_they_should() -> None:
     sky = np.isinf(lichen.render({**STILL, "output": "depth"}).image.pixels[..., 0])
     assert sky.any()
     assert np.abs(foggy[~sky] - clear[~sky]).max() > 0.02
+
+
+def test_surroundings_lens_and_shutter_do_what_their_operations_do() -> None:
+    sky = lichen.Image(np.random.default_rng(2).random((16, 32, 3), np.float32), lichen.Space.LINEAR)
+    moving = [STILL["objects"][0], {**STILL["objects"][1], "velocity": [0.2, 0, 0]}]
+    still = {**STILL, "objects": moving, "fog": None}
+    effects = {
+        "environment": {"image": "sky", "reflectance": 0.4},
+        "lens": {"focus": 4.0, "blur": 4.0},
+        "shutter": {"shutter": 0.8},
+    }
+    plain = lichen.render({**still, "background": [0, 0, 0]}).image
+    made = lichen.render({**still, **effects, "background": [0, 0, 0]}, images={"sky": sky}).image.pixels
+    seen = {name: lichen.render({**still, "output": name}).image.pixels for name in ("depth", "normal", "position")}
+    camera = {key: still["camera"][key] for key in ("eye", "target", "fov", "width", "height")}
+    motion = lichen.run("gbuffer", objects=moving, buffer="motion", **camera).image.pixels
+    eye = still["camera"]["eye"]
+    expected = lichen.run(
+        "reflection", seen["normal"], environment=sky, position=seen["position"], base=plain, eye=eye, reflectance=0.4
+    ).image
+    expected = lichen.run("depth_of_field", expected, depth=seen["depth"], focus=4.0, blur=4.0).image
+    expected = lichen.run("motion_blur", expected, motion=motion, shutter=0.8).image
+    np.testing.assert_allclose(made, expected.pixels, atol=2e-3)
+    assert np.abs(made - plain.pixels).max() > 0.1
 
 
 def buffers() -> dict[str, np.ndarray]:
@@ -192,6 +223,12 @@ def test_flaws_are_told_where_the_author_wrote_them() -> None:
     with pytest.raises(InvalidRequest) as caught:
         lichen.render({**STILL, "fog": {"density": -1}})
     assert {each.pointer for each in caught.value.flaws} == {"/fog/density"}
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.render({**STILL, "lens": {"focus": -1}})
+    assert {each.pointer for each in caught.value.flaws} == {"/lens/focus"}
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.render({**STILL, "environment": {}})
+    assert {each.pointer for each in caught.value.flaws} == {"/environment/image"}
     with pytest.raises(InvalidRequest) as caught:
         lichen.render({**STILL, "surface": {"model": "chrome"}})
     assert {each.pointer for each in caught.value.flaws} == {"/surface/model"}

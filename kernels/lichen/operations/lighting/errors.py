@@ -20,7 +20,16 @@ import numpy as np
 
 from lichen.image import Extent
 from lichen.operation import ROUNDING, Error
-from lichen.operations.lighting.reflection import Distribution, Fresnel, Masking, Material, Model, reflectance
+from lichen.operations.lighting.reflection import (
+    Distribution,
+    Fresnel,
+    Masking,
+    Material,
+    Model,
+    peak_of_lobe,
+    reflectance,
+)
+from lichen.operations.lighting.tables import apart, factored
 
 FLOAT_MAX = float(np.finfo(np.float32).max)
 DIFFUSE, SHINY = 12.0, 12.0
@@ -56,10 +65,8 @@ def peak(material: Material, slope: float) -> float:
             return 0.0
         case Model.PHONG | Model.BANKS:
             return 1.0
-        case Model.COSINE_LOBE | Model.LAFORTUNE:
-            return (k + 2) / 2
-        case Model.BLINN_PHONG:
-            return (k + 2) * (k + 4) / (8 * (math.exp2(-k / 2) + k))
+        case Model.COSINE_LOBE | Model.LAFORTUNE | Model.BLINN_PHONG:
+            return float(peak_of_lobe(material.model, k))
         case Model.TORRANCE_SPARROW if material.masking is Masking.SMITH:
             return (0.5 if material.distribution is Distribution.GGX else 2.7) / slope**3
         case _:
@@ -99,6 +106,18 @@ def schlick(r: Reflected, material: Material, texels: int) -> Error:
     rounding = exact(r, material, texels).value
     apart = _schlick_apart(material.contrast) * r.arriving * r.specular * peak(material, r.slope)
     return Error(finite(rounding + apart), "estimate", rounding)
+
+
+def looked_up(r: Reflected, material: Material, size: int, texels: int) -> Error:
+    """Of tables with `size` entries, for the one slope."""
+    rounding = exact(r, material, texels).value
+    if not r.specular or not factored(material):
+        return Error(rounding, "estimate", rounding)
+    over = 1.0
+    if material.model is not Model.TORRANCE_SPARROW:
+        over = peak(material, r.slope)
+    off = 1.5 * over * apart(material, r.slope, size) * r.arriving * r.specular
+    return Error(finite(rounding + off), "estimate", rounding)
 
 
 @lru_cache(maxsize=64)

@@ -1,7 +1,7 @@
 // Pixels lit by lamps, sixteen at a time; lighting.py is the definition, lamps.py and reflection.py say how.
 //
-// MODEL is the number of the model of reflection. Which inputs there are is said by their channels, 0 for none: a program
-// for every combination would take longer to build than it saves.
+// MODEL is the number of the model of reflection. Which inputs there are is said by their channels, 0 for none, and what
+// is looked up by the size of the tables: a program for every combination would take longer to build than it saves.
 #include "../compositing/planes.clh"
 #include "reflection.clh"
 
@@ -95,13 +95,34 @@ PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector
     return strength;
 }
 
+PLANE_FN float least(float16 v)
+{
+    float8 a = v.lo < v.hi ? v.lo : v.hi;
+    float4 b = a.lo < a.hi ? a.lo : a.hi;
+    float2 c = b.lo < b.hi ? b.lo : b.hi;
+    return c.x < c.y ? c.x : c.y;
+}
+
+// Which of sixteen lamps leave a ball in the dark: it lies outside their cones. `cones` holds `stride` numbers each of the
+// apex, the axis, and the cosine and sine of an angle slightly wider than the cone's.
+PLANE_FN int16 beside(global const float *restrict cones, int stride, float4 ball)
+{
+    float16 x = ball.x - vload16(0, cones), y = ball.y - vload16(0, cones + stride), z = ball.z - vload16(0, cones + 2 * stride);
+    float16 ahead = x * vload16(0, cones + 3 * stride) + y * vload16(0, cones + 4 * stride) + z * vload16(0, cones + 5 * stride);
+    float16 square = x * x + y * y + z * z - ahead * ahead, side = sqrt(square > 0.0f ? square : (float16)(0.0f));
+    return vload16(0, cones + 6 * stride) * side - vload16(0, cones + 7 * stride) * ahead > ball.w;
+}
+
+// Whether all numbers are finite: what is not makes a NaN even of no light.
+PLANE_FN bool tame(vector16 v) { return all(isfinite(v.x) & isfinite(v.y) & isfinite(v.z)); }
+
 kernel void lighting(global const float *restrict normal, global const float *restrict position,
                      global const float *restrict albedo, global const float *restrict specular,
                      global const float *restrict roughness, global const float *restrict tangent,
                      global const float *restrict visibility, global const float *restrict slide,
                      global const int *restrict channels, int wide, int high, global const float *restrict rows,
-                     int lamps, global const float *restrict n, int distribution, int masking, int fresnel_kind,
-                     global float *restrict out, ulong pixels)
+                     int lamps, global const float *restrict cones, global const float *restrict n, int distribution, int masking, int fresnel_kind,
+                     global const float *restrict tables, int size, global float *restrict out, ulong pixels)
 {
     ulong first = get_global_id(0) * (ulong)LANES;
     if (first >= pixels)
@@ -111,6 +132,11 @@ kernel void lighting(global const float *restrict normal, global const float *re
     vector16 facing = vector_unit(load3(normal + first * 3, count)), place = facing, v = same3(n + 6);
     if (placed) {
         place = load3(position + first * 3, count);
+        if (all((fabs(place.x) == INFINITY) | (fabs(place.y) == INFINITY) | (fabs(place.z) == INFINITY))) {
+            float16 nothing[3] = {(float16)(0.0f), (float16)(0.0f), (float16)(0.0f)};
+            planes_store(nothing, out + first * 3, 3, count);
+            return;
+        }
         v = n[9] != 0.0f ? vector_unit(towards(n, n + 3, place)) : v;
     }
     vector16 matt = colour3(n + 10, albedo + first * channels[1], channels[1], count);
@@ -129,6 +155,9 @@ kernel void lighting(global const float *restrict normal, global const float *re
     s.distribution = distribution;
     s.masking = masking;
     s.fresnel = fresnel_kind;
+    s.tables = tables;
+    s.size = size;
+    s.width = n[29];
     vector16 t = channels[4] ? vector_unit(load3(tangent + first * 3, count)) : same3(n + 25);
 #if MODEL != BANKS
     vector16 across_n = vector_along(facing, -vector_dot(facing, t), t);
@@ -137,9 +166,25 @@ kernel void lighting(global const float *restrict normal, global const float *re
 #endif
     float16 w = vector_dot(facing, v);
 #endif
+    // Lamps whose cones miss the box around all points are passed over, where that cannot be told from adding nothing.
+    bool passes = placed && cones && !channels[5] && tame(place) && tame(matt) && tame(facing) && tame(v);
+#if MODEL
+    passes = passes && tame(shiny) && tame(t) && all(isfinite(rough));
+#endif
+    int stride = (lamps + LANES - 1) / LANES * LANES, missed[LANES];
+    float4 ball = (float4)(0.0f);
+    if (passes) {
+        float3 low = (float3)(least(place.x), least(place.y), least(place.z));
+        float3 high = -(float3)(least(-place.x), least(-place.y), least(-place.z));
+        ball = (float4)(0.5f * (low + high), 0.50001f * length(high - low));
+    }
     vector16 total = vector((float16)(0.0f), (float16)(0.0f), (float16)(0.0f));
     for (int lamp = 0; lamp < lamps; lamp++) {
         global const float *restrict row = rows + lamp * ROW;
+        if (passes && lamp % LANES == 0)
+            vstore16(beside(cones + lamp, stride, ball), 0, missed);
+        if (passes && missed[lamp % LANES])
+            continue;
         vector16 l = same3(row + 4), light = same3(row + 1);
         if (row[0] != 0.0f) {
             vector16 way = towards(row + 4, row + 7, place);

@@ -19,117 +19,34 @@ A normal of no length is not lit; nor is a pixel whose position is infinite, whe
 pixel. A lamp that is left by half of a surface takes the highlight of `phong` with it at once, so there rounding
 decides about all of it, and the error stated is the highlight.
 
-Methods: `exact` evaluates the formulas in float32, `schlick` with C. Schlick's approximation of the reflectance.
+Methods: `exact` evaluates the formulas in float32; `schlick` with C. Schlick's approximation of the reflectance;
+`tables` looks up the factors of highlights (tables.py), as graphics hardware did: on processors that is no faster than
+to compute them, unless there are exponentials in them.
 
-Sources: see lamps.py and reflection.py.
+Sources: see lamps.py, reflection.py and tables.py.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any
-
-import numpy as np
-from pydantic import Field
+from typing import TYPE_CHECKING
 
 from lichen.errors import Flaw
 from lichen.image import Alpha, Space
-from lichen.memory import Array, aligned, aligned_empty
-from lichen.operation import (
-    POINTWISE,
-    Error,
-    Facts,
-    Input,
-    InputFacts,
-    Inputs,
-    Light,
-    Operation,
-    OperationParameters,
-    Rate,
-)
-from lichen.operations.lighting import errors
+from lichen.memory import Array
+from lichen.operation import POINTWISE, Error, Facts, Input, InputFacts, Inputs, Knob, Light, Operation, Rate
+from lichen.operations.lighting import errors, tables
 from lichen.operations.lighting.cases import CASES, EXAMPLES
-from lichen.operations.lighting.lamps import Colour, Doubles, Kind, Lamp, Vector, unit_vector
-from lichen.operations.lighting.reflection import SMOOTHEST, STEEP, Distribution, Fresnel, Masking, Material, Model
-from lichen.operations.lighting.shading import Lit, lit
+from lichen.operations.lighting.lamps import Kind
+from lichen.operations.lighting.launch import on_numpy, on_opencl
+from lichen.operations.lighting.parameters import Parameters
+from lichen.operations.lighting.reflection import SMOOTHEST, Fresnel, Model
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
 MOST_ROWS = 4096
 """Discs of all lamps together."""
-
-
-class Parameters(OperationParameters):
-    lights: Annotated[tuple[Lamp, ...], Field(min_length=1, max_length=256)] = (
-        Lamp.model_validate({"direction": (-1.0, -1.0, -2.0)}),
-    )
-    """the lamps, each by its kind (directional, point, spot, area, projector), colour, intensity and place"""
-    model: Model = Model.TORRANCE_SPARROW
-    """how the surface reflects besides diffusely"""
-    diffuse: Colour = (0.8, 0.8, 0.8)
-    """share of light that is reflected diffusely, linear; times the input albedo"""
-    highlight: Colour = (1.0, 1.0, 1.0)
-    """factor on highlights, linear; times the input specular; 0 leaves them out"""
-    facet_roughness: float = Field(0.4, ge=0, le=1)
-    """where there is no input roughness; its square is the slope of facets; less than 0.05 is taken as that"""
-    exponent: float | None = Field(None, ge=1, le=1e5)
-    """of the models that are powers of a cosine, in place of the one from the roughness"""
-    index: float | None = Field(1.5, ge=1, le=1000)
-    """of refraction, for torrance_sparrow; null: all is reflected"""
-    distribution: Distribution = Distribution.GGX
-    """of the facets of torrance_sparrow"""
-    masking: Masking = Masking.SMITH
-    """how facets of torrance_sparrow hide one another"""
-    grain: Vector = (1.0, 0.0, 0.0)
-    """its direction for ward, lafortune and banks, where there is no input tangent"""
-    stretch: float = Field(1.0, ge=0.1, le=10)
-    """for ward: how much rougher the surface is along the grain than on the mean, and smoother across it"""
-    lobe: Annotated[
-        tuple[
-            Annotated[float, Field(ge=-1, le=1)],
-            Annotated[float, Field(ge=-1, le=1)],
-            Annotated[float, Field(ge=-1, le=1)],
-        ],
-        Field(),
-    ] = (-1.0, -1.0, 1.0)
-    """for lafortune: factors along the grain, across it and along the normal; -1, -1, 1 mirrors"""
-    eye: Vector = (0.0, 0.0, 0.0)
-    """where the viewer is"""
-    view: Vector = (0.0, 0.0, 1.0)
-    """the direction towards a viewer at infinity"""
-    local_viewer: bool = True
-    """whether the viewer is at `eye`, given positions, or at infinity"""
-
-    @property
-    def fresnel(self) -> Fresnel:
-        return Fresnel.NONE if self.index is None else Fresnel.EXACT
-
-    @property
-    def grained(self) -> bool:
-        """Whether the model looks at the grain."""
-        plain = self.lobe[0] == self.lobe[1] if self.model is Model.LAFORTUNE else self.stretch == 1
-        return self.model is Model.BANKS or (self.model in (Model.LAFORTUNE, Model.WARD) and not plain)
-
-    @property
-    def shines(self) -> bool:
-        dull = self.model is Model.TORRANCE_SPARROW and self.index == 1
-        return self.model is not Model.LAMBERT and any(self.highlight) and not dull
-
-    @property
-    def drawn(self) -> Model:
-        """The model whose code is needed."""
-        return self.model if self.shines or self.model is Model.BANKS else Model.LAMBERT
-
-    def material(self, fresnel: Fresnel | None = None) -> Material:
-        contrast = 0.0 if self.index is None else (self.index - 1) * (self.index + 1)
-        return Material(
-            self.drawn, self.distribution, self.masking, fresnel or self.fresnel, contrast, self.exponent,
-            self.stretch, self.lobe,
-        )  # fmt: skip
-
-    def rows(self) -> Doubles:
-        return np.concatenate([lamp.rows(number) for number, lamp in enumerate(self.lights)])
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
@@ -171,10 +88,6 @@ def _reflected(p: Parameters, facts: InputFacts) -> errors.Reflected:
 
 def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     return errors.exact(_reflected(p, facts), p.material(), _texels(p, facts))
-
-
-def _schlick_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    return errors.schlick(_reflected(p, facts), p.material(), _texels(p, facts))
 
 
 def _texels(p: Parameters, facts: InputFacts) -> int:
@@ -231,83 +144,45 @@ lighting = Operation(
 )
 
 
-def _task(p: Parameters, inputs: Inputs, fresnel: Fresnel | None, *, single: bool) -> Lit:
-    local = p.local_viewer and "position" in inputs
-    return Lit(
-        p.rows(), p.material(fresnel), p.eye if local else None, p.view, p.diffuse, p.highlight, p.facet_roughness,
-        p.grain, single,
-    )  # fmt: skip
+RATES = {"opencl": Rate(3e-4, 2e-9), "numpy": Rate(5e-4, 1.2e-7)}
 
 
 @lighting.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
-    return lit({name: image.pixels for name, image in inputs.items()}, _task(p, inputs, None, single=False))
+    return on_numpy(inputs, p, p.material(), single=False)
 
 
-NAMES = ("position", "albedo", "specular", "roughness", "tangent", "visibility", "slide")
-
-
-def _numbers(p: Parameters, task: Lit) -> Array:
-    """What the kernel reads of the parameters, in its order."""
-    eye = np.array(p.eye)
-    near = eye.astype(np.float32)
-    material = task.material
-    straight = 0.0 if p.index is None else ((p.index - 1) / (p.index + 1)) ** 2
-    return np.concatenate(
-        [
-            near, eye - near, unit_vector(p.view), [float(task.eye is not None)], p.diffuse, p.highlight,
-            [p.facet_roughness, SMOOTHEST, p.exponent or 0.0, material.contrast, straight, p.stretch], p.lobe,
-            unit_vector(p.grain), [STEEP**2],
-        ]
-    )  # fmt: skip
-
-
-def _launch(device: Device, inputs: Inputs, p: Parameters, fresnel: Fresnel | None) -> Array:
-    normal, task = inputs["normal"], _task(p, inputs, fresnel, single=True)
-    out = aligned_empty((normal.height, normal.width, 3))
-    pixels = normal.height * normal.width
-    channels = [inputs[name].channels if name in inputs else 0 for name in NAMES]
-    slide: Any = inputs.get("slide", normal)
-    material = task.material
-    with device.session() as session:
-        session.launch(
-            "lighting/lighting.cl", "lighting", (-(-pixels // 16),),
-            aligned(normal.pixels), *(aligned(inputs[name].pixels) if name in inputs else None for name in NAMES),
-            aligned(np.array(channels), np.int32), np.int32(slide.width), np.int32(slide.height),
-            aligned(task.rows), np.int32(len(task.rows)), aligned(_numbers(p, task)),
-            np.int32(list(Distribution).index(material.distribution)),
-            np.int32(list(Masking).index(material.masking)), np.int32(list(Fresnel).index(material.fresnel)),
-            session.write(out), np.uint64(pixels),
-            defines={"MODEL": list(Model).index(material.model)},
-        )  # fmt: skip
-    return out
-
-
-def _single(inputs: Inputs, p: Parameters, fresnel: Fresnel | None) -> Array:
-    pixels = {name: image.pixels for name, image in inputs.items()}
-    return lit(pixels, _task(p, inputs, fresnel, single=True))
+def _tabled(p: Parameters, facts: InputFacts) -> str | None:
+    if not p.shines or not tables.factored(p.material()):
+        return "its highlights are no product of factors of one angle each"
+    return "a table holds for one roughness" if "roughness" in facts else None
 
 
 @lighting.method(
-    "exact", error=_exact_error, work=_work, rates={"opencl": Rate(3e-4, 2e-9), "numpy": Rate(5e-4, 1.2e-7)}
+    "tables",
+    error=lambda p, size, facts: errors.looked_up(_reflected(p, facts), p.material(), round(size), _texels(p, facts)),
+    work=_work,
+    rates=RATES,
+    knob=Knob("size", (16, 64, 256, 1024), "entries of each table", 4, 4096),
+    unfit=_tabled,
 )
-class Exact:
-    """The formulas in float32, sixteen pixels at a time, lamp by lamp."""
+class Tables:
+    """Reflectance, spread and masking looked up, each in a table of one angle, linear between `size` entries."""
 
     @staticmethod
-    def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        return _launch(device, inputs, p, None)
+    def opencl(device: Device, inputs: Inputs, p: Parameters, size: float) -> Array:
+        return on_opencl(device, inputs, p, p.material(size=round(size)))
 
     @staticmethod
-    def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        return _single(inputs, p, None)
+    def numpy(inputs: Inputs, p: Parameters, size: float) -> Array:
+        return on_numpy(inputs, p, p.material(size=round(size)))
 
 
 @lighting.method(
     "schlick",
-    error=_schlick_error,
+    error=lambda p, knob, facts: errors.schlick(_reflected(p, facts), p.material(), _texels(p, facts)),
     work=_work,
-    rates={"opencl": Rate(3e-4, 2e-9), "numpy": Rate(5e-4, 1.2e-7)},
+    rates=RATES,
     unfit=lambda p, facts: (
         None
         if p.drawn is Model.TORRANCE_SPARROW and p.index is not None
@@ -319,8 +194,21 @@ class Schlick:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        return _launch(device, inputs, p, Fresnel.SCHLICK)
+        return on_opencl(device, inputs, p, p.material(Fresnel.SCHLICK))
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        return _single(inputs, p, Fresnel.SCHLICK)
+        return on_numpy(inputs, p, p.material(Fresnel.SCHLICK))
+
+
+@lighting.method("exact", error=_exact_error, work=_work, rates=RATES)
+class Exact:
+    """The formulas in float32, sixteen pixels at a time, lamp by lamp."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
+        return on_opencl(device, inputs, p, p.material())
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
+        return on_numpy(inputs, p, p.material())

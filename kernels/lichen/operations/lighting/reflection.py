@@ -47,6 +47,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from scipy.special import erfc
@@ -92,6 +93,8 @@ class Fresnel(StrEnum):
 
 SMOOTHEST = 0.05
 """Roughness; less is taken as this. What is smoother mirrors its lamps, which have no size to be seen."""
+FAR = 150.0
+"""Where e^-x times all that it is multiplied by is nothing in float32, and x may be infinite."""
 STEEP = 0.01
 """Sine of the angle to the normal below which a grain has no direction on the surface."""
 
@@ -109,6 +112,8 @@ class Material:
     exponent: float | None = None
     stretch: float = 1.0
     lobe: tuple[float, float, float] = (-1.0, -1.0, 1.0)
+    size: int = 0
+    """entries of the tables that factors are looked up in (tables.py); 0: none are"""
 
 
 # Vectors are arrays of shape (3, ...), of float32 or float64; numbers broadcast.
@@ -147,7 +152,7 @@ def facets(distribution: Distribution, m: Array, along: Array, across: Array, sq
         return np.asarray(rough * (square / (rough * along * along + across)) ** 2)
     off = across / (along * along * m * m)
     steep = square / (along * along)
-    return np.asarray(np.where(off < 150, np.exp(-off) * steep * steep / (m * m), off - off))
+    return np.asarray(np.where(off >= FAR, off.dtype.type(0), np.exp(-off) * steep * steep / (m * m)))
 
 
 def unmasked(distribution: Distribution, m: Array, cosine: Array) -> Array:
@@ -194,7 +199,14 @@ def _ward(s: Material, m: Array, u: Array, w: Array, q: Array, n: Array, t: Arra
     plain = dot(turned, turned) / (m * m)
     off = np.where(dot(t, t) > 0, one * one + other * other, plain) / (along * along)
     made = np.exp(-off) / (m * m) * (square / (along * along)) / (along * along) * u
-    return np.asarray(np.where(off < 150, made, off - off))
+    return np.asarray(np.where(off >= FAR, off.dtype.type(0), made))
+
+
+def peak_of_lobe(model: Model, exponent: Any) -> Any:
+    """What makes a lobe's power one that sends out all that arrives straight."""
+    if model is Model.BLINN_PHONG:
+        return (exponent + 2) * (exponent + 4) / (8 * (2 ** (-exponent / 2) + exponent))
+    return (exponent + 2) / 2
 
 
 def highlight(s: Material, m: Array, n: Array, l: Array, v: Array, t: Array) -> Array:  # noqa: E741
@@ -209,17 +221,17 @@ def highlight(s: Material, m: Array, n: Array, l: Array, v: Array, t: Array) -> 
             lobe = _power(dot(r, v), dot(turned, turned), exponent)
             if s.model is Model.PHONG:
                 return np.asarray(np.where(u > 0, lobe, u - u))
-            made = (exponent + 2) / 2 * lobe * u
+            made = peak_of_lobe(s.model, exponent) * lobe * u
         case Model.BLINN_PHONG:
             square, turned = dot(q, q), cross(n, q)
             lobe = _power((u + w) / np.sqrt(square), dot(turned, turned) / square, exponent)
-            made = (exponent + 2) * (exponent + 4) / (8 * (2 ** (-exponent / 2) + exponent)) * lobe * u
+            made = peak_of_lobe(s.model, exponent) * lobe * u
         case Model.LAFORTUNE:
             b = cross(n, t)
             across = s.lobe[0] * dot(l, t) * dot(v, t) + s.lobe[1] * dot(l, b) * dot(v, b)
             mean = (s.lobe[0] + s.lobe[1]) / 2 * (dot(l, v) - u * w)
             base = np.where(dot(t, t) > 0, across, mean) + s.lobe[2] * u * w
-            made = (exponent + 2) / 2 * _power(base, np.ones_like(base), exponent) * u
+            made = peak_of_lobe(s.model, exponent) * _power(base, np.ones_like(base), exponent) * u
         case Model.TORRANCE_SPARROW:
             made = _torrance_sparrow(s, m, u, w, q, n)
         case Model.WARD:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from lichen.memory import Array, aligned_empty
+from lichen.operations.lighting import tables
 from lichen.operations.lighting.lamps import POSITIONAL, Doubles, Row
 from lichen.operations.lighting.reflection import SMOOTHEST, STEEP, Material, Model, cross, dot, highlight, unit
 
@@ -34,6 +35,10 @@ class Lit:
     tangent: tuple[float, float, float]
     single: bool
     """whether all numbers are rounded to float32"""
+
+    @property
+    def slope(self) -> float:
+        return min(max(self.roughness, SMOOTHEST), 1.0) ** 2
 
     @property
     def kind(self) -> type[np.floating[Any]]:
@@ -104,7 +109,12 @@ def _block(some: Mapping[str, Array], task: Lit, slide: Array | None) -> Array:
             diffuse = np.where(dot(t, t) > 0, diffuse * np.sqrt(dot(across, across)), diffuse)
         sent = albedo * diffuse
         if shines:
-            sent = sent + specular * highlight(task.material, m, n, l, v, t)
+            shiny = (
+                tables.highlight(task.material, task.slope, n, l, v)
+                if task.material.size
+                else highlight(task.material, m, n, l, v, t)
+            )
+            sent = sent + specular * shiny
         if "visibility" in some:
             seen = some["visibility"]
             light = light * seen[0 if len(seen) == 1 else int(row[Row.LAMP])]

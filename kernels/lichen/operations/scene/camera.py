@@ -36,7 +36,7 @@ class Camera(OperationParameters):
     """what is up in its picture, roughly; not the viewing direction"""
     fov: Degrees = Field(50.0, ge=0.01, le=175)
     """vertical angle of view"""
-    extent: float | None = Field(None, gt=0, le=1e6)
+    extent: float | None = Field(None, ge=1e-6, le=1e6)
     """without perspective: the height of what it sees"""
 
     def camera_flaws(self, where: str = "/parameters") -> list[Flaw]:

@@ -20,20 +20,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from lichen.memory import Array
+from lichen.operations.scene import terrain
 from lichen.operations.scene.camera import Camera, _unit
-from lichen.operations.scene.objects import Blob, Box, Object, Plane, Sphere
+from lichen.operations.scene.objects import Blob, Box, Object, Plane, Sphere, Terrain
 
 STEPS = 256
 CLOSE = 2.0**-30
 WIDTH = 16
 """Doubles of an object, and of a material."""
-KINDS = (Sphere, Plane, Box, Blob)
+KINDS = (Sphere, Plane, Box, Blob, Terrain)
 
 Triple = tuple[Array, Array, Array]
 
 
 def encoded(objects: Sequence[Object]) -> tuple[Array, Array]:
-    """Objects as doubles (count, `WIDTH`), and the balls of all blobs, four doubles each."""
+    """Objects as doubles (count, `WIDTH`); the balls of all blobs, four doubles each, with all heights behind them."""
     made, balls = np.zeros((max(len(objects), 1), WIDTH)), [(0.0, 0.0, 0.0, 1.0)]
     for row, each in zip(made, objects, strict=False):
         row[0] = KINDS.index(type(each))
@@ -50,7 +51,13 @@ def encoded(objects: Sequence[Object]) -> tuple[Array, Array]:
                 row[1:5] = _around(each)
                 row[5:8] = each.smooth, len(balls), len(each.balls)
                 balls += each.balls
-    return made, np.array(balls)
+    extras = [np.array(balls).ravel()]
+    for row, each in zip(made, objects, strict=False):
+        if isinstance(each, Terrain):
+            numbers, heights = terrain.encoded(each, sum(map(len, extras)))
+            row[1 : 1 + len(numbers)] = numbers
+            extras.append(heights)
+    return made, np.concatenate(extras)
 
 
 def _around(blob: Blob) -> tuple[float, float, float, float]:
@@ -101,7 +108,7 @@ def cast(objects: Sequence[Object], origin: Triple, direction: Triple, far: floa
     with np.errstate(all="ignore"):
         for number in range(len(objects)):
             row = rows[number]
-            t, n = (_sphere, _plane, _box, _blob)[int(row[0])](row, balls, origin, direction)
+            t, n = (_sphere, _plane, _box, _blob, terrain.meet)[int(row[0])](row, balls, origin, direction)
             nearer = (t > 0) & (t <= far) & (t < best)
             best, index = np.where(nearer, t, best), np.where(nearer, number, index)
             a, b, c = (np.where(nearer, mine, old) for mine, old in zip(n, normal, strict=True))
@@ -176,7 +183,8 @@ def _turned(v: Triple, c: float, s: float) -> Triple:
 
 
 def _blob(row: Array, balls: Array, origin: Triple, direction: Triple) -> tuple[Array, Triple]:
-    mine, k = balls[int(row[6]) : int(row[6] + row[7])], float(row[5])
+    first, count = 4 * int(row[6]), int(row[7])
+    mine, k = balls[first : first + 4 * count].reshape(count, 4), float(row[5])
     enter, leave = _ball(row[1:4], row[4], origin, direction)
     t = np.where(enter > 0, enter, 0.0)
     found = np.full(t.shape, np.nan)

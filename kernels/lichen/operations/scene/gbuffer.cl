@@ -1,9 +1,10 @@
 // What rays meet in a scene, eight pixels of a row at a time, in doubles; casting.py is the definition, operation for
 // operation.
 //
-// BUFFER is the place of what is asked for in its enumeration, CHANNELS that of the result. `eyes` holds the eye, the axes
-// right, up and back, 1 for a camera without perspective, the farthest surface, the frame (1: the world's), and the matrix
-// to pixels. Objects and materials take 16 doubles each, balls 4.
+// BLOBS and TERRAINS are 1 where there are any: their code takes long to compile. `buffer` is the place of what is
+// asked for in its enumeration, `channels` are those of the result. `eyes` holds the eye, the axes right, up and back,
+// 1 for a camera without perspective, the farthest surface, the frame (1: the world's), and the matrix to pixels.
+// Objects and materials take 16 doubles each; `balls` holds balls, 4 each, and heights behind them.
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
@@ -12,6 +13,7 @@
 #define WIDTH 16
 #define STEPS 256
 #define FN static inline __attribute__((always_inline))
+#define ZERO ((double8)(0.0))
 
 enum { DEPTH, DISTANCE, POSITION, NORMAL, ALBEDO, ROUGHNESS, MASK, HEIGHT, MOTION, EMISSIVE };
 
@@ -112,6 +114,8 @@ FN double8 box(global const double *restrict row, triple origin, triple d, tripl
     return near <= far ? (near > 0.0 ? near : far) : (double8)(NAN);
 }
 
+#include "terrain.clh"
+
 FN double8 met(global const double *restrict row, global const double *restrict balls, triple o, triple d, triple *n)
 {
     switch ((int)row[0]) {
@@ -128,8 +132,13 @@ FN double8 met(global const double *restrict row, global const double *restrict 
         *n = (triple){(double8)(a), (double8)(b), (double8)(c)};
         return (row[4] - ((a * o.x + b * o.y) + c * o.z)) / ((a * d.x + b * d.y) + c * d.z);
     }
-    case 2: return box(row, o, d, n);
-    default: return blob(row, balls, o, d, n);
+#if BLOBS
+    case 3: return blob(row, balls, o, d, n);
+#endif
+#if TERRAINS
+    case 4: return terrain(row, balls, o, d, n);
+#endif
+    default: return box(row, o, d, n);
     }
 }
 
@@ -146,7 +155,8 @@ FN double8 row_of(global const double *restrict m, triple p) { return ((m[0] * p
 
 kernel void gbuffer(global float *restrict out, global const double *restrict eyes, global const double *restrict objects,
                     global const double *restrict balls, global const double *restrict materials,
-                    global const double *restrict xs, global const double *restrict ys, int count, int width, int height)
+                    global const double *restrict xs, global const double *restrict ys, int buffer, int channels, int count, int width,
+                    int height)
 {
     int per_row = (width + SEGMENT - 1) / SEGMENT, row = (int)get_global_id(0) / per_row;
     if (row >= height)
@@ -180,17 +190,17 @@ kernel void gbuffer(global float *restrict out, global const double *restrict ey
         long8 hit = index >= 0;
         double8 v[3] = {zero, zero, zero};
         triple p = along(o, best, d);
-        if (BUFFER == DEPTH)
+        if (buffer == DEPTH)
             v[0] = best;
-        else if (BUFFER == DISTANCE)
+        else if (buffer == DISTANCE)
             v[0] = best * sqrt(dot3(d, d));
-        else if (BUFFER == POSITION && world) {
+        else if (buffer == POSITION && world) {
             v[0] = hit ? p.x : best, v[1] = hit ? p.y : best, v[2] = hit ? p.z : best;
-        } else if (BUFFER == POSITION) {
+        } else if (buffer == POSITION) {
             v[0] = hit ? (parallel ? x : x * best) : best;
             v[1] = hit ? (parallel ? (double8)(y) : y * best) : best;
             v[2] = hit ? -best : best;
-        } else if (BUFFER == NORMAL) {
+        } else if (buffer == NORMAL) {
             long8 away = dot3(n, d) > 0.0;
             n = choose(away, (triple){-n.x, -n.y, -n.z}, n);
             if (world)
@@ -200,19 +210,19 @@ kernel void gbuffer(global float *restrict out, global const double *restrict ey
                 v[1] = (n.x * up[0] + n.y * up[1]) + n.z * up[2];
                 v[2] = (n.x * back[0] + n.y * back[1]) + n.z * back[2];
             }
-        } else if (BUFFER == ALBEDO) {
+        } else if (buffer == ALBEDO) {
             double8 side = made_of(materials, count, index, 6);
             double8 f = (floor(p.x / side) + floor(p.y / side + 0.5)) + floor(p.z / side);
             long8 odd = hit & (side > 0.0) & (f - 2.0 * floor(f * 0.5) == 1.0);
             for (int c = 0; c < 3; c++)
                 v[c] = odd ? made_of(materials, count, index, 3 + c) : made_of(materials, count, index, c);
-        } else if (BUFFER == ROUGHNESS)
+        } else if (buffer == ROUGHNESS)
             v[0] = hit ? made_of(materials, count, index, 7) : (double8)(1.0);
-        else if (BUFFER == MASK)
+        else if (buffer == MASK)
             v[0] = made_of(materials, count, index, 8);
-        else if (BUFFER == HEIGHT)
+        else if (buffer == HEIGHT)
             v[0] = hit ? p.y : zero;
-        else if (BUFFER == MOTION) {
+        else if (buffer == MOTION) {
             triple q = {p.x - made_of(materials, count, index, 10), p.y - made_of(materials, count, index, 11),
                         p.z - made_of(materials, count, index, 12)};
             double8 w = row_of(matrix + 12, p), before = row_of(matrix + 12, q);
@@ -222,12 +232,12 @@ kernel void gbuffer(global float *restrict out, global const double *restrict ey
         } else
             v[0] = made_of(materials, count, index, 9);
         int there = min(end - column, LANES);
-        global float *to = out + ((ulong)row * width + column) * CHANNELS;
-        for (int c = 0; c < CHANNELS; c++) {
+        global float *to = out + ((ulong)row * width + column) * channels;
+        for (int c = 0; c < channels; c++) {
             float lane[LANES];
             vstore8(convert_float8(v[c]), 0, lane);
             for (int i = 0; i < there; i++)
-                to[i * CHANNELS + c] = lane[i];
+                to[i * channels + c] = lane[i];
         }
     }
 }

@@ -49,7 +49,7 @@ from lichen.operations.compositing.layers import row_blocks
 from lichen.operations.scene.camera import Camera
 from lichen.operations.scene.casting import Hits, Triple, cast, encoded, materials, ray_of
 from lichen.operations.scene.gbuffer_cases import CASES, EXAMPLES
-from lichen.operations.scene.objects import Blob, Object, Plane
+from lichen.operations.scene.objects import Blob, Object, Plane, Terrain
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -96,7 +96,7 @@ class Parameters(Camera):
     far: float = Field(1e4, gt=0, le=1e6)
     """depth beyond which nothing is seen"""
     objects: Annotated[tuple[Object, ...], Field(max_length=64)] = ()
-    """spheres, planes, boxes and blobs"""
+    """spheres, planes, boxes, blobs and terrains"""
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
@@ -132,7 +132,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
 gbuffer = Operation(
     name="gbuffer",
     family="scene",
-    summary="Casts rays at spheres, planes, boxes and blobs, and tells depth, normals, albedo and the rest.",
+    summary="Casts rays at spheres, planes, boxes, blobs and terrains, and tells depth, normals, albedo and the rest.",
     description=__doc__ or "",
     parameters=Parameters,
     inputs=(),
@@ -233,9 +233,21 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 
 
 def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
-    """Rays times objects, a blob counting as ten of its balls."""
-    each = 1.0 + sum(10.0 * len(o.balls) if isinstance(o, Blob) else 1.0 for o in p.objects)
+    """Rays times objects, a blob counting as ten of its balls, a terrain as the cells on a way across it."""
+    each = 1.0
+    for o in p.objects:
+        match o:
+            case Blob():
+                each += 10.0 * len(o.balls)
+            case Terrain():
+                each += 2.0 * (len(o.heights) + len(o.heights[0]))
+            case _:
+                each += 1.0
     return p.width * p.height * each
+
+
+def _any(p: Parameters, kind: type) -> bool:
+    return any(isinstance(each, kind) for each in p.objects)
 
 
 @gbuffer.method(
@@ -261,8 +273,9 @@ class Exact:
             session.launch(
                 "scene/gbuffer.cl", "gbuffer", (p.height * -(-p.width // SEGMENT),),
                 session.write(out), *(aligned(each, np.float64) for each in doubles),
-                np.int32(len(p.objects)), np.int32(p.width), np.int32(p.height),
-                defines={"BUFFER": list(Buffer).index(p.buffer), "CHANNELS": p.buffer.channels},
+                *(np.int32(each) for each in (list(Buffer).index(p.buffer), p.buffer.channels, len(p.objects))),
+                np.int32(p.width), np.int32(p.height),
+                defines={"BLOBS": int(_any(p, Blob)), "TERRAINS": int(_any(p, Terrain))},
             )  # fmt: skip
         return out
 

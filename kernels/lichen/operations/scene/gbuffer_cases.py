@@ -20,10 +20,14 @@ STILL_LIFE: tuple[Mapping[str, Any], ...] = (
         "id": 4, "albedo": [0.2, 0.5, 0.3], "emissive": 0.5,
     },
 )  # fmt: skip
+HILLS: Mapping[str, Any] = {
+    "shape": "terrain", "corner": [-3, -1, -8], "size": [6, 5], "albedo": [0.4, 0.5, 0.2],
+    "heights": [[0, 0.2, 0.1, 0], [0.3, 1.2, 0.4, 0.1], [0.1, 0.5, 0.9, 0.2], [0, 0.1, 0.2, 0.4]],
+}  # fmt: skip
 EXAMPLES: tuple[Mapping[str, Any], ...] = (
     {"objects": STILL_LIFE, "eye": [0.5, 0.5, 1], "target": [0, 0, -5]},
     {"objects": STILL_LIFE, "buffer": "normal", "frame": "world", "eye": [6, 8, 2], "target": [0, 0, -5], "extent": 9},
-    {"objects": STILL_LIFE, "buffer": "albedo", "fov": 80},
+    {"objects": [*STILL_LIFE, HILLS], "buffer": "albedo", "fov": 80},
     {"objects": STILL_LIFE, "buffer": "motion", "eye": [0.5, 0.5, 1]},
 )
 

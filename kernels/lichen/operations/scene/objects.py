@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, field_validator
 
 from lichen.operation import Degrees, OperationParameters
-from lichen.operations.scene.camera import Vector
+from lichen.operations.scene.camera import Place, Vector
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Light = Annotated[float, Field(ge=0, le=1e6)]
@@ -92,4 +92,27 @@ class Blob(Material):
     """over what difference of distances they are joined"""
 
 
-Object = Annotated[Sphere | Plane | Box | Blob, Field(discriminator="shape")]
+Row = Annotated[tuple[Place, ...], Field(min_length=2, max_length=64)]
+
+
+class Terrain(Material):
+    """Heights over a rectangle of x and z; between them triangles, two in each cell."""
+
+    shape: Literal["terrain"] = "terrain"
+    """what it is"""
+    corner: Vector = (-1.0, 0.0, -1.0)
+    """the corner with the smallest x and z; heights are added to its y"""
+    size: tuple[Length, Length] = (2.0, 2.0)
+    """along x and z"""
+    heights: Annotated[tuple[Row, ...], Field(min_length=2, max_length=64)] = ((0.0, 0.0), (0.0, 0.0))
+    """rows along x, from the smallest z on, all of one length"""
+
+    @field_validator("heights")
+    @classmethod
+    def _even(cls, rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+        if len({len(each) for each in rows}) > 1:
+            raise ValueError("rows must be of one length")
+        return rows
+
+
+Object = Annotated[Sphere | Plane | Box | Blob | Terrain, Field(discriminator="shape")]

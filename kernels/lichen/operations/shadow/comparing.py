@@ -10,8 +10,8 @@ ray O + t D that depth is n (P - O) / (n D), and n D < 0 where the plane faces t
 D: no division. Without normals, the receiver is as much nearer as `slope` allows within the distance of the texel's
 middle.
 
-A hollow lies before its tangent plane: surfaces are given 1/8 texel for one texel away, and as the square of it farther
-off, which is what a radius of four texels takes. Less the map does not resolve.
+A hollow lies before its tangent plane, and a crease at once: half a texel is given for each texel away, so shadows
+begin that much late, which is less than the map resolves.
 
 What is left is the depths' quantum: positions and maps are float32, whose coordinates are off by 2^-24 of themselves
 and whose sums by as much again; 2^-21 of the coordinates' magnitudes is allowed for. A map stored in few bits adds its
@@ -31,8 +31,8 @@ from lichen.operations.shadow.parameters import Kind, MapKind, Outside, Paramete
 from lichen.operations.shadow.storing import WHOLE, Stored
 
 QUANTUM = 2.0**-21
-BEND = 1 / 8
-"""Texels by which a surface of a radius of four texels leaves its tangent plane within one."""
+BEND = 1 / 2
+"""Texels by which a hollow may lie before a tangent plane, for each texel away."""
 MARGIN = 64.0
 """Texels beyond the map's edge from which on no filter reaches it."""
 
@@ -140,7 +140,7 @@ class Map:
         else:
             along, facing, right, down = r.plane
             x, y = du - r.u, dv - r.v
-            reach = reach + r.bend * (x * x + y * y)
+            reach = reach + r.bend * (np.abs(x) + np.abs(y))
             across, low = du - self.width / 2, dv - self.height / 2
             if self._p.light.extent is None:
                 below = (facing + right * across) + down * low

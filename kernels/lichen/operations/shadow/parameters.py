@@ -48,7 +48,7 @@ class Parameters(View):
     """what is up in the map, roughly"""
     light_fov: Degrees = Field(60.0, ge=0.01, le=175)
     """the map's vertical angle"""
-    light_extent: float | None = Field(None, gt=0, le=1e6)
+    light_extent: float | None = Field(None, ge=1e-6, le=1e6)
     """of light without perspective: the height of what the map shows"""
     map_kind: MapKind = MapKind.PLANAR
     """planar: depth along the light's direction; window: 0 at light_near, 1 at light_far; reversed: 1 to 0"""

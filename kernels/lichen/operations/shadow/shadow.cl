@@ -102,7 +102,7 @@ FN double8 lit(light_map map, receiver r, double8 m, double8 step, double8 i, do
     long8 yes = r.z - wide * (fabs(du - r.u) + fabs(dv - r.v)) <= reach;
 #else
     double8 x = du - r.u, y = dv - r.v;
-    reach = reach + (PARALLEL ? (double8)(n[29]) : n[29] * r.z) * (x * x + y * y);
+    reach = reach + (PARALLEL ? (double8)(n[29]) : n[29] * r.z) * (fabs(x) + fabs(y));
     double8 across = du - map.width / 2.0, low = dv - map.height / 2.0;
 #if PARALLEL
     double8 above = (r.along - r.right * across) - r.down * low;

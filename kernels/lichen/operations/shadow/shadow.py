@@ -162,7 +162,7 @@ def _sampled(inputs: Inputs, p: Parameters, rows: slice, taps: int) -> Array:
 @shadow.method(
     "sampled",
     knob=Knob("taps", (4, 9, 16, 32), "texels that are compared", 1, 1024),
-    error=lambda p, knob, facts: Error(1.0, "bound", ROUNDING, 0.5 / math.sqrt(round(knob))),
+    error=lambda p, knob, facts: Error(1.0, "bound", ROUNDING, 0.05),
     work=lambda p, knob, facts: _receivers(facts).pixels * (2.0 + round(knob)),
     rates={"opencl": Rate(3e-4, 9e-10), "numpy": Rate(1e-3, 4e-8)},
     unfit=lambda p, facts: None if p.kind is Kind.PCF and p.filter > 0 else "there is no square of comparisons",
@@ -190,7 +190,7 @@ BITS = Knob("bits", (8, 12, 16, 24), "of a stored depth", 4, 32)
 
 
 def _few_bits(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    return Error(1.0, "bound", ROUNDING, min(1.0, 8 * 2.0 ** (-round(knob) / 2)))
+    return Error(1.0, "bound", ROUNDING, 2.0 ** (-round(knob) / 2))
 
 
 @shadow.method(

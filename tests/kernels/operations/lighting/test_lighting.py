@@ -152,3 +152,29 @@ def test_flaws_are_named_before_anything_is_computed() -> None:
         lichen.run("lighting", normal=normal, lights=bad)
     named = {flaw.pointer.removeprefix("/parameters/lights/").split("/")[0] for flaw in caught.value.flaws}
     assert named >= {"0", "1", "2", "3", "4", "5"}
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"distribution": "ggx"},
+        {"distribution": "beckmann", "facet_roughness": 0.25},
+        {"distribution": "gaussian", "facet_roughness": 0.7, "index": 3},
+        {"model": "cosine_lobe", "exponent": 80},
+        {"model": "blinn_phong", "exponent": 7.5},
+        {"model": "phong", "facet_roughness": 0.5},
+    ],
+    ids=lambda values: "-".join(map(str, values.values())),
+)
+def test_larger_tables_come_nearer_and_keep_what_they_state(values: dict[str, Any]) -> None:
+    """Linear between entries: four times as many, a sixteenth of the error."""
+    rng = np.random.default_rng(3)
+    normal = (rng.normal(size=(40, 40, 3)) * [0.6, 0.6, 0.1] + [0, 0, 1]).astype(np.float32)
+    arguments: dict[str, Any] = {"lights": [{"direction": [0.2, -0.4, -1]}], "diffuse": [0, 0, 0], **values}
+    exact = lichen.evaluate_truth("lighting", normal=normal, **arguments)
+    apart = []
+    for size in (16, 64, 256):
+        run = lichen.run("lighting", normal=normal, method="tables", size=size, device="numpy", **arguments)
+        apart.append(float(np.abs(run.image.pixels - exact).max()))
+        assert apart[-1] <= run.error.value
+    assert apart[0] > 4 * apart[1] > 16 * apart[2]

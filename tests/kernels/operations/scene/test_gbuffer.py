@@ -72,6 +72,25 @@ def test_motion_is_where_the_point_was_less_where_it_is() -> None:
     np.testing.assert_allclose(pixels(points), np.stack([columns, rows], axis=1) + 0.5, atol=1e-4)
 
 
+def test_terrain_is_its_triangles_without_cracks() -> None:
+    heights = np.random.default_rng(5).random((9, 7))
+    land = {"shape": "terrain", "corner": [-2, 0.5, -3], "size": [4, 6], "heights": heights.tolist()}
+    above = {"eye": [0.1, 4, 0.2], "target": [0, 0, 0], "fov": 70}
+    for further in ({}, {"extent": 3.5, "eye": [1, 4, 1]}):
+        view = {"objects": [land], "width": 121, "height": 91, **above, **further}
+        point = lichen.run("gbuffer", buffer="position", frame="world", **view).image.pixels.astype(np.float64)
+        middle = point[20:70, 40:80]
+        assert np.isfinite(middle).all()
+        g, h = (point[..., 0] + 2) / 4 * 6, (point[..., 2] + 3) / 6 * 8
+        there = np.isfinite(point).all(axis=-1)
+        i, j = (np.clip(np.floor(each[there]), 0, most).astype(int) for each, most in ((g, 5), (h, 7)))
+        u, v = g[there] - i, h[there] - j
+        near = heights[j, i] + u * (heights[j, i + 1] - heights[j, i]) + v * (heights[j + 1, i] - heights[j, i])
+        last = heights[j + 1, i + 1]
+        far = last + (1 - u) * (heights[j + 1, i] - last) + (1 - v) * (heights[j, i + 1] - last)
+        np.testing.assert_allclose(point[there][:, 1], 0.5 + np.where(u + v < 1, near, far), atol=5e-6)
+
+
 def test_errors_are_none_and_flaws_are_named() -> None:
     plan = lichen.explain("gbuffer", objects=STILL_LIFE, **VIEW)
     assert plan.error.value == 0

@@ -1,0 +1,52 @@
+"""The nodes of a scene's graph as they are added, and its buffers, each made once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from lichen.planning.graph import Decision
+from lichen.planning.pipeline import INPUT, Step
+from lichen.scene.description import Scene
+
+
+class Nodes:
+    """Adds nodes as they are needed, each under one name, with the part of the scene that each stems from."""
+
+    def __init__(self, scene: Scene, prune: bool) -> None:
+        self.scene, self.prune = scene, prune
+        self.steps: dict[str, Step] = {}
+        self.origins: dict[str, str] = {}
+        self.decisions: list[Decision] = []
+
+    def add(self, name: str, what: str, parameters: Mapping[str, Any], inputs: Mapping[str, str], origin: str) -> str:
+        if name not in self.steps:
+            self.steps[name] = Step(what, dict(parameters), dict(inputs))
+            self.origins[name] = origin
+        return name
+
+    def leave_out(self, node: str, reason: str, action: str = "not lowered") -> None:
+        self.decisions.append(Decision("scene", node, action, reason))
+
+    # ------------------------------------------------------------------------------------------------------ buffers
+
+    def buffer(self, name: str) -> str:
+        """The node or picture that holds a buffer."""
+        scene = self.scene
+        given = scene.buffers.given
+        if name in given:
+            return INPUT + given[name]
+        if given and name == "position":
+            return self.add("position", "deproject", self.depth(), {"depth": self.buffer("depth")}, "/camera")
+        camera = scene.camera.model_dump(include={"eye", "target", "up", "fov", "extent", "width", "height", "far"})
+        seen = {**camera, "buffer": name, "frame": "world", "objects": [each.model_dump() for each in scene.objects]}
+        return self.add(name, "gbuffer", seen, {}, "/camera")
+
+    def depth(self) -> dict[str, Any]:
+        """What the buffer of depths holds."""
+        camera = self.scene.camera
+        far = None if camera.endless else camera.far
+        return {"fov": camera.fov, "depth_kind": camera.depth_kind, "near": camera.near, "far": far}
+
+    def has(self, name: str) -> bool:
+        return name in self.scene.buffers.given if self.scene.everything_given else True

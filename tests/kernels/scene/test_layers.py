@@ -1,0 +1,63 @@
+"""One EXR of many layers as Blender writes it, made with OpenEXR, as a scene's buffers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+import lichen
+from lichen.errors import InvalidRequest
+from lichen.files import decode
+
+CAMERA = {"eye": [0.5, 1.5, 4.0], "target": [0, 0.5, 0], "fov": 45, "width": 40, "height": 30}
+OBJECTS = [
+    {"shape": "plane", "albedo": [0.5, 0.6, 0.7]},
+    {"shape": "sphere", "centre": [0, 0.7, 0], "radius": 0.7, "albedo": [0.8, 0.2, 0.1]},
+]
+EFFECTS = {
+    "lights": [{"kind": "point", "position": [2, 4, 3], "intensity": 12}],
+    "ambient": [0.05, 0.05, 0.05],
+    "background": [0.3, 0.4, 0.6],
+    "fog": {"kind": "height", "density": 0.2, "falloff": 1.0, "colour": [0.6, 0.7, 0.8]},
+}
+
+
+def seen(buffer: str) -> np.ndarray:
+    return lichen.run("gbuffer", objects=OBJECTS, buffer=buffer, frame="world", **CAMERA).image.pixels
+
+
+@pytest.fixture
+def render(tmp_path: Path) -> bytes:
+    """What Blender would write of the scene: a depth of 1e10 where there is nothing, and positions of 0 there."""
+    depth, position = seen("depth")[..., 0], seen("position")
+    nothing = np.isinf(depth)
+    passes = {"Combined": ("RGBA", np.full((30, 40, 4), 0.25, np.float32)), "Depth": ("Z", depth[..., None])}
+    passes |= {"Position": ("XYZ", position), "Normal": ("XYZ", seen("normal")), "DiffCol": ("RGB", seen("albedo"))}
+    channels = {}
+    for name, (components, pixels) in passes.items():
+        for at, component in enumerate(components):
+            plane = pixels[..., at].copy()
+            if name in ("Depth", "Position"):
+                plane[nothing] = 1e10 if name == "Depth" else 0.0
+            channels[f"ViewLayer.{name}.{component}"] = np.ascontiguousarray(plane)
+    path = tmp_path / "render.exr"
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, channels).write(str(path))
+    return path.read_bytes()
+
+
+def test_layers_are_found_by_name_and_lit_like_the_objects(render: bytes) -> None:
+    picture = decode(render)
+    sent = {"camera": {"eye": CAMERA["eye"], "target": CAMERA["target"]}, "buffers": {"layers": "render"}, **EFFECTS}
+    made = lichen.render(sent, images={"render": picture}).image.pixels
+    expected = lichen.render({"camera": CAMERA, "objects": OBJECTS, **EFFECTS}).image.pixels
+    np.testing.assert_allclose(made, expected, atol=2e-5)
+
+
+def test_a_picture_without_such_layers_is_refused() -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        lichen.render({"buffers": {"layers": "p"}, "lights": [{}]}, images={"p": np.ones((4, 4, 3))})
+    assert {each.pointer for each in caught.value.flaws} == {"/buffers/layers"}
