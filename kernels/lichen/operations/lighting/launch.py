@@ -75,10 +75,10 @@ def on_opencl(device: Device, inputs: Inputs, p: Parameters, material: Material)
             aligned(normal.pixels), *(aligned(inputs[name].pixels) if name in inputs else None for name in NAMES),
             aligned(np.array(channels), np.int32), np.int32(slide.width), np.int32(slide.height),
             aligned(task.rows), np.int32(len(task.rows)), cones_of(p, task.rows), aligned(_numbers(p, task)),
-            np.int32(list(Distribution).index(material.distribution)),
+            np.int32(list(Model).index(material.model)), np.int32(list(Distribution).index(material.distribution)),
             np.int32(list(Masking).index(material.masking)), np.int32(list(Fresnel).index(material.fresnel)),
             looked, np.int32(material.size), session.write(out), np.uint64(pixels),
-            defines={"MODEL": list(Model).index(material.model)},
+            defines={"SHINY": int(material.model is not Model.LAMBERT)},
         )  # fmt: skip
     return out
 

@@ -1,7 +1,8 @@
 // Pixels lit by lamps, sixteen at a time; lighting.py is the definition, lamps.py and reflection.py say how.
 //
-// MODEL is the number of the model of reflection. Which inputs there are is said by their channels, 0 for none, and what
-// is looked up by the size of the tables: a program for every combination would take longer to build than it saves.
+// SHINY is 0 where there are no highlights, so that nothing of them is built. Which model they have is said by its number,
+// which inputs there are by their channels, 0 for none, and what is looked up by the size of the tables: a program for
+// every combination would take longer to build than it saves.
 #include "../compositing/planes.clh"
 #include "reflection.clh"
 
@@ -121,7 +122,8 @@ kernel void lighting(global const float *restrict normal, global const float *re
                      global const float *restrict roughness, global const float *restrict tangent,
                      global const float *restrict visibility, global const float *restrict slide,
                      global const int *restrict channels, int wide, int high, global const float *restrict rows,
-                     int lamps, global const float *restrict cones, global const float *restrict n, int distribution, int masking, int fresnel_kind,
+                     int lamps, global const float *restrict cones, global const float *restrict n, int model,
+                     int distribution, int masking, int fresnel_kind,
                      global const float *restrict tables, int size, global float *restrict out, ulong pixels)
 {
     ulong first = get_global_id(0) * (ulong)LANES;
@@ -140,7 +142,7 @@ kernel void lighting(global const float *restrict normal, global const float *re
         v = n[9] != 0.0f ? vector_unit(towards(n, n + 3, place)) : v;
     }
     vector16 matt = colour3(n + 10, albedo + first * channels[1], channels[1], count);
-#if MODEL
+#if SHINY
     vector16 shiny = colour3(n + 13, specular + first * channels[2], channels[2], count);
     float16 rough = channels[3] ? plane_load(roughness + first, 1, 0, count) : (float16)(n[16]);
     rough = num_clamp(rough, (float16)(n[17]), (float16)(1.0f));
@@ -152,6 +154,7 @@ kernel void lighting(global const float *restrict normal, global const float *re
     s.stretch = n[21];
     for (int i = 0; i < 3; i++)
         s.lobe[i] = n[22 + i];
+    s.model = model;
     s.distribution = distribution;
     s.masking = masking;
     s.fresnel = fresnel_kind;
@@ -159,16 +162,16 @@ kernel void lighting(global const float *restrict normal, global const float *re
     s.size = size;
     s.width = n[29];
     vector16 t = channels[4] ? vector_unit(load3(tangent + first * 3, count)) : same3(n + 25);
-#if MODEL != BANKS
-    vector16 across_n = vector_along(facing, -vector_dot(facing, t), t);
-    float16 square_across = vector_dot(across_n, across_n);
-    t = vector_scale(vector_unit(across_n), square_across < n[28] ? (float16)(0.0f) : (float16)(1.0f));
-#endif
+    if (model != BANKS) {
+        vector16 across_n = vector_along(facing, -vector_dot(facing, t), t);
+        float16 square_across = vector_dot(across_n, across_n);
+        t = vector_scale(vector_unit(across_n), square_across < n[28] ? (float16)(0.0f) : (float16)(1.0f));
+    }
     float16 w = vector_dot(facing, v);
 #endif
     // Lamps whose cones miss the box around all points are passed over, where that cannot be told from adding nothing.
     bool passes = placed && cones && !channels[5] && tame(place) && tame(matt) && tame(facing) && tame(v);
-#if MODEL
+#if SHINY
     passes = passes && tame(shiny) && tame(t) && all(isfinite(rough));
 #endif
     int stride = (lamps + LANES - 1) / LANES * LANES, missed[LANES];
@@ -199,12 +202,14 @@ kernel void lighting(global const float *restrict normal, global const float *re
             light = vector_scale(light, plane_load(visibility + first * channels[5], channels[5], which, count));
         }
         float16 u = vector_dot(facing, l), diffuse = u > 0.0f ? u : u - u;
-#if MODEL == BANKS
-        vector16 across = vector_cross(l, t);
-        diffuse = vector_dot(t, t) > 0.0f ? diffuse * sqrt(vector_dot(across, across)) : diffuse;
+#if SHINY
+        if (model == BANKS) {
+            vector16 across = vector_cross(l, t);
+            diffuse = vector_dot(t, t) > 0.0f ? diffuse * sqrt(vector_dot(across, across)) : diffuse;
+        }
 #endif
         vector16 sent = vector_scale(matt, diffuse);
-#if MODEL
+#if SHINY
         sent = vector_along(shiny, highlight(s, facing, l, v, t, u, w), sent);
 #endif
         total = vector(fma(light.x, sent.x, total.x), fma(light.y, sent.y, total.y), fma(light.z, sent.z, total.z));

@@ -19,9 +19,9 @@ A normal of no length is not lit; nor is a pixel whose position is infinite, whe
 pixel. A lamp that is left by half of a surface takes the highlight of `phong` with it at once, so there rounding
 decides about all of it, and the error stated is the highlight.
 
-Methods: `exact` evaluates the formulas in float32; `schlick` with C. Schlick's approximation of the reflectance;
-`tables` looks up the factors of highlights (tables.py), as graphics hardware did: on processors that is no faster than
-to compute them, unless there are exponentials in them.
+Methods: `exact` evaluates the formulas in float32; `sparse` too, with fewer discs for each area; `schlick` with C.
+Schlick's approximation of the reflectance; `tables` looks up the factors of highlights (tables.py), as graphics
+hardware did: on processors that is no faster than to compute them, unless there are exponentials in them.
 
 Sources: see lamps.py, reflection.py and tables.py.
 """
@@ -65,7 +65,7 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     for number, lamp in enumerate(p.lights):
         if lamp.kind is not Kind.DIRECTIONAL and "position" not in facts:
             flaws.append(Flaw(f"/parameters/lights/{number}/kind", f"{lamp.kind} needs the input position"))
-    if sum(math.prod(lamp.grid) for lamp in p.lights) > MOST_ROWS:
+    if p.discs > MOST_ROWS:
         flaws.append(Flaw("/parameters/lights", f"have more than {MOST_ROWS} samples together"))
     if not any(p.view):
         flaws.append(Flaw("/parameters/view", "has no length"))
@@ -82,7 +82,7 @@ def _reflected(p: Parameters, facts: InputFacts) -> errors.Reflected:
     arriving *= through["visibility"]
     slope = min(max(least, SMOOTHEST), 1.0) ** 2
     return errors.Reflected(
-        arriving, size("albedo", p.diffuse), size("specular", p.highlight) if p.shines else 0.0, slope, len(p.rows())
+        arriving, size("albedo", p.diffuse), size("specular", p.highlight) if p.shines else 0.0, slope, p.discs
     )
 
 
@@ -115,7 +115,7 @@ def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
 def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
     each = {Model.LAMBERT: 1.0, Model.PHONG: 2.5, Model.COSINE_LOBE: 2.5}.get(p.drawn, 3.0)
     placed = 1.0 if "position" in facts else 0.3
-    return facts["normal"].pixels * (1.0 + len(p.rows()) * (each + placed))
+    return facts["normal"].pixels * (1.0 + p.discs * (each + placed))
 
 
 lighting = Operation(
@@ -199,6 +199,45 @@ class Schlick:
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
         return on_numpy(inputs, p, p.material(Fresnel.SCHLICK))
+
+
+def _sparse_error(p: Parameters, share: float, facts: InputFacts) -> Error:
+    """What an area gives, either way: lamps at its discs may be anywhere in a highlight."""
+    rounding = _exact_error(p, share, facts).value
+    if share >= 1 or _without_areas(p, facts):
+        return Error(rounding, "estimate", rounding)
+    areas = [
+        each.model_copy(update={"lights": tuple(lamp for lamp in each.lights if lamp.kind is Kind.AREA)})
+        for each in (p, p.sparse(share))
+    ]
+    apart = max(errors.extent(_reflected(each, facts), p.material(), 0).high for each in areas)
+    return Error(errors.finite(rounding + apart), "estimate", rounding)
+
+
+def _without_areas(p: Parameters, facts: InputFacts) -> str | None:
+    wide = any(lamp.kind is Kind.AREA and math.prod(lamp.grid) > 1 for lamp in p.lights)
+    return None if wide else "no lamp is made up of several discs"
+
+
+@lighting.method(
+    "sparse",
+    error=_sparse_error,
+    work=lambda p, share, facts: _work(p.sparse(share), share, facts),
+    rates=RATES,
+    knob=Knob("share", (1 / 64, 1 / 16, 1 / 4, 1.0), "of the discs that make up areas", 1 / 1024, 1.0),
+    unfit=_without_areas,
+)
+class Sparse:
+    """The formulas in float32, with a `share` of the discs of each area in place of all: larger ones, on a coarser
+    grid."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, share: float) -> Array:
+        return on_opencl(device, inputs, p.sparse(share), p.material())
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, share: float) -> Array:
+        return on_numpy(inputs, p.sparse(share), p.material())
 
 
 @lighting.method("exact", error=_exact_error, work=_work, rates=RATES)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from lichen.operation import OperationParameters
-from lichen.operations.lighting.lamps import Colour, Doubles, Lamp, Vector
+from lichen.operations.lighting.lamps import Colour, Doubles, Kind, Lamp, Vector
 from lichen.operations.lighting.reflection import SMOOTHEST, Distribution, Fresnel, Masking, Material, Model
 
 
@@ -86,5 +87,18 @@ class Parameters(OperationParameters):
             self.stretch, self.lobe, size,
         )  # fmt: skip
 
+    @property
+    def discs(self) -> int:
+        """Of all lamps together: rows."""
+        return sum(math.prod(lamp.grid) for lamp in self.lights)
+
     def rows(self) -> Doubles:
         return np.concatenate([lamp.rows(number) for number, lamp in enumerate(self.lights)])
+
+    def sparse(self, share: float) -> Parameters:
+        """With that share of the discs of areas, one at least."""
+        lamps = [
+            lamp.model_copy(update={"samples": max(1, round(lamp.samples * share))}) if lamp.kind is Kind.AREA else lamp
+            for lamp in self.lights
+        ]
+        return self.model_copy(update={"lights": tuple(lamps)})

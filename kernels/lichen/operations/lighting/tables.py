@@ -25,11 +25,12 @@ from lichen.operations.lighting.reflection import (
     Masking,
     Material,
     Model,
-    cross,
     dot,
     facets,
     peak_of_lobe,
     reflectance,
+    seen,
+    turn,
     unmasked,
 )
 
@@ -53,7 +54,7 @@ def width(material: Material, slope: float) -> float:
 def _exactly(material: Material, slope: float, place: Array) -> Array:
     """All factors at these places, in doubles."""
     b = width(material, slope)
-    sine = place * b / (1 + b - place)
+    sine = np.minimum(place * b / (1 + b - place), 1)
     m = np.full_like(place, slope)
     with np.errstate(all="ignore"):
         if material.model in LOBES:
@@ -94,10 +95,11 @@ def looked_up(rows: Array, factor: int, place: Array) -> Array:
 def highlight(s: Material, slope: float, n: Array, l: Array, v: Array) -> Array:  # noqa: E741
     """As `reflection.highlight` has it, its factors looked up."""
     u, w, rows, b = dot(n, l), dot(n, v), entries(s, slope, s.size), width(s, slope)
-    middle, facing = (2 * u * n - l, v) if s.model in (Model.PHONG, Model.COSINE_LOBE) else (n, l + v)
-    turned = cross(middle, facing)
+    mirrored = s.model in (Model.PHONG, Model.COSINE_LOBE)
+    middle, facing = (2 * u * n - l, v) if mirrored else (n, l + v)
     square = dot(facing, facing)
-    sine = np.sqrt(dot(turned, turned) / square)
+    across = turn(middle, facing, np.ones_like(u) if mirrored else u + w)
+    sine = np.sqrt(across / (np.ones_like(square) if mirrored else square))
     spread = looked_up(rows, 1, sine * (1 + b) / (sine + b))
     if s.model is Model.TORRANCE_SPARROW:
         part = looked_up(rows, 0, np.sqrt(square) / 2) * looked_up(rows, 2, u) * looked_up(rows, 3, w)
@@ -109,4 +111,4 @@ def highlight(s: Material, slope: float, n: Array, l: Array, v: Array) -> Array:
             return np.asarray(np.where(u > 0, spread, u - u))
         whole = peak_of_lobe(s.model, k)
         made = whole * spread * u
-    return np.asarray(np.where((u > 0) & (w > 0), made, (u - u) + (w - w)))
+    return seen(made, u, w, l + v)

@@ -3,13 +3,15 @@
 Truth: with the horizon's angle from the zenith h_k in each of the `directions` k (horizons.py), the normal's component
 n_k along it and n_z towards the viewer,
 
-    seen = 1 / (4 directions) x sum of 2 (n_z (1 - cos 2 h_k) + n_k (2 h_k - sin 2 h_k))
+    seen = sum of n_z (1 - cos 2 h_k) + n_k (2 h_k - sin 2 h_k), over the same sum for the surface's own plane
 
-which is the integral of the sky's light times the cosine at the surface, slice by slice, exactly, so 1 where nothing
-rises; no horizon is lower than the surface's own plane. Without the input `normal` surfaces face the viewer, and a side
-is sin^2 h_k: the sky view factor of a relief. The result is 1 - `strength` (1 - seen).
+each term of which is the integral of the sky's light times the cosine at the surface over half a slice. No horizon is
+lower than the surface's own plane, so the result is 1 where nothing rises above it, however few the directions. Without
+the input `normal` surfaces face the viewer, and a term is 2 sin^2 h_k: the sky view factor of a relief. The result is
+1 - `strength` (1 - seen).
 
-Normals are of any length, y up. One that faces away counts as one across the view.
+Normals are of any length, y up. One that faces away counts as one across the view; one that has no direction then sees
+everything.
 
 Methods: `march` looks at every `spacing`-th pixel of a direction; at 1 it is exact to rounding. Peaks that are narrower
 than the spacing may be missed, whatever their height, so nothing less than the whole range can be promised beyond it.
@@ -81,15 +83,15 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
 
 
 def _error(p: Parameters, spacing: float, facts: InputFacts) -> Error:
-    """A side changes by no more than three times its slope."""
-    rounding = min(p.strength * (3 * slope_rounding(p, facts) + 40 * ROUNDING) + 4 * ROUNDING, 1.0)
+    """A side changes by no more than three times its slope, and all of them are half of what they are over at least."""
+    rounding = min(p.strength * (6 * slope_rounding(p, facts) + 80 * ROUNDING) + 4 * ROUNDING, 1.0)
     if spacing <= 1:
         return Error(rounding, "bound", rounding)
     return Error(p.strength + rounding, "bound", rounding, p.strength * 0.02 * (spacing - 1))
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
-    height, slack = facts["height"], 60 * ROUNDING
+    height, slack = facts["height"], 100 * ROUNDING
     spoilt_pixels = height.pixels if any(each.extent.nonfinite for each in facts.values()) else 0
     extent = Extent(1 - p.strength - slack, 1 + slack, spoilt_pixels)
     return Facts(height.height, height.width, 1, Space.DATA, Alpha.NONE, extent)
@@ -145,10 +147,17 @@ ambient_occlusion = Operation(
 )
 
 
+def _side(slope: Array, z: Array, along: Array) -> Array:
+    """Half a slice of the sky, above a horizon."""
+    kind, whole = slope.dtype.type, 1 + slope * slope
+    twice = np.where(np.abs(slope) > 1e15, kind(0), 2 * slope / whole)
+    return np.asarray(z * 2 / whole + along * (2 * np.arctan2(kind(1), slope) - twice))
+
+
 def _seen(inputs: Inputs, p: Parameters, spacing: float) -> Array:
     image, ring = inputs["height"], p.ring(spacing)
     kind = image.pixels.dtype.type
-    total = np.zeros((image.height, image.width), kind)
+    total, whole = (np.zeros((image.height, image.width), kind) for _ in range(2))
     with np.errstate(all="ignore"):
         if "normal" in inputs:
             n = unit(inputs["normal"].pixels.astype(kind, copy=False))
@@ -157,14 +166,16 @@ def _seen(inputs: Inputs, p: Parameters, spacing: float) -> Array:
             if "normal" not in inputs:
                 slope = slopes(image, ring, k, 0.0)
                 total += 2 / (1 + slope * slope)
+                whole += 2
                 continue
             cosine, sine = (kind(each) for each in ring.turn(k))
             along = n[..., 0] * cosine + n[..., 1] * sine
-            slope = slopes(image, ring, k, np.where(along == 0, kind(0), -along / n[..., 2]))
-            angle, whole = np.arctan2(kind(1), slope), 1 + slope * slope
-            twice = np.where(np.abs(slope) > 1e15, kind(0), 2 * slope / whole)
-            total += n[..., 2] * 2 / whole + along * (2 * angle - twice)
-    made = 1 - p.strength * (1 - total * (0.5 / ring.directions))
+            least = np.where(along == 0, kind(0), -along / n[..., 2])
+            slope = slopes(image, ring, k, least)
+            total += _side(slope, n[..., 2], along)
+            whole += _side(least, n[..., 2], along)
+        seen = np.where(whole == 0, kind(1), total / whole)
+    made = 1 - p.strength * (1 - seen)
     return np.asarray(made[..., None].astype(kind, copy=False))
 
 

@@ -68,8 +68,7 @@ kernel void elevations(global const float *restrict around, global const int *re
     }
 }
 
-// One side of a slice through the sky: the part of the light that the normal sees above the horizon, times 4. `along` is
-// the normal's component in the slice's direction, z that towards the viewer.
+// Half a slice of the sky, above a horizon; `along` is the normal's component in its direction, z that to the viewer.
 PLANE_FN float16 open_side(float16 slope, float16 z, float16 along)
 {
     float16 angle = num_atan2((float16)(1.0f), slope); // from the zenith
@@ -86,7 +85,7 @@ kernel void occlusion(global const float *restrict around, global const int *res
                       float strength)
 {
     PREPARE
-    float16 seen = (float16)(0.0f), z = (float16)(1.0f), none = (float16)(0.0f);
+    float16 seen = (float16)(0.0f), whole = seen, z = (float16)(1.0f), none = (float16)(0.0f);
     vector16 n = vector(none, none, z);
     if (normal) {
         float16 v[3];
@@ -98,11 +97,14 @@ kernel void occlusion(global const float *restrict around, global const int *res
         float16 along = fma(n.x, turns[2 * k], n.y * turns[2 * k + 1]);
         float16 least = along == 0.0f ? none : -along / n.z;
         float16 slope = slope_of(r, at, here, k, least);
-        if (normal)
+        if (normal) {
             seen += open_side(slope, n.z, along);
-        else
-            seen += slope == INFINITY ? none : 2.0f / fma(slope, slope, (float16)(1.0f));
+            whole += open_side(least, n.z, along);
+        } else {
+            seen += 2.0f / fma(slope, slope, (float16)(1.0f));
+            whole += 2.0f;
+        }
     }
-    seen = 1.0f - strength * (1.0f - seen * (0.5f / directions));
+    seen = 1.0f - strength * (1.0f - (whole == 0.0f ? (float16)(1.0f) : seen / whole));
     plane_store(seen, out + (size_t)row * width + column, 1, 0, count);
 }

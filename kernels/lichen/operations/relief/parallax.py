@@ -134,7 +134,7 @@ def _march_error(p: Parameters, levels: float, facts: InputFacts) -> Error:
     value = min(high - low + rounding, float(np.finfo(np.float32).max))
     if levels >= LEVELS:
         return Error(value, "bound", value, rounding)
-    return Error(value, "bound", rounding, (high - low) * min(1.0, 0.1 * p.reach / levels))
+    return Error(value, "bound", rounding, (high - low) * min(1.0, 0.005 * p.reach / levels))
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:

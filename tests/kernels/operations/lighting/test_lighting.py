@@ -88,6 +88,16 @@ def test_more_samples_come_nearer_to_the_area() -> None:
     assert apart[0] > apart[1] > apart[2]
 
 
+def test_a_share_of_the_discs_is_the_area_with_fewer() -> None:
+    images = plane((0.3, 0.2, -0.4), (-0.6, 0.1, -0.7))
+    lamp = {"kind": "area", "size": [1.5, 1.0], "samples": 64}
+    few = lichen.run("lighting", **images, lights=[lamp], method="sparse", share=0.25, device="numpy")
+    exact = lichen.evaluate_truth("lighting", **images, lights=[{**lamp, "samples": 16}])
+    assert np.allclose(few.image.pixels, exact, rtol=1e-5)
+    whole = lichen.evaluate_truth("lighting", **images, lights=[lamp])
+    assert np.abs(few.image.pixels - whole).max() <= few.error.value
+
+
 def test_a_projector_shows_its_slide() -> None:
     """A slide thrown on a wall at distance 2 is seen there at the size that the angle says, the right way up."""
     rng = np.random.default_rng(1)

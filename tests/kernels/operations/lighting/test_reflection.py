@@ -198,8 +198,21 @@ def test_lobes_turned_by_the_grain() -> None:
 
 @pytest.mark.parametrize("material", CONSERVING, ids=lambda each: f"{each.model}-{each.distribution}-{each.masking}")
 def test_half_vectors_without_direction(material: Material) -> None:
-    """l = -v, and directions all but opposite: no highlight where either is below the surface, a finite one above."""
+    """l = -v, and directions all but opposite: a highlight that is finite, and none from well below the surface."""
     grazing = direction(np.pi / 2 - 10.0 ** np.arange(-15, 0), 0.4)
     opposite = np.array([[-1.0], [-1.0], [1.0]]) * grazing
-    assert np.array_equal(evaluate(material, 0.3, grazing, -grazing), np.zeros(grazing.shape[1]))
+    assert np.isfinite(evaluate(material, 0.3, grazing, -grazing)).all()
     assert np.isfinite(evaluate(material, 0.3, grazing, opposite)).all()
+    steep = direction(np.linspace(0, 1.2, 7), 0.4)
+    assert np.array_equal(evaluate(material, 0.3, steep, -steep), np.zeros(7))
+
+
+@pytest.mark.parametrize("material", CONSERVING, ids=lambda each: f"{each.model}-{each.distribution}-{each.masking}")
+def test_highlights_do_not_end_in_a_jump(material: Material) -> None:
+    """Through the silhouette, where the surface begins to face away."""
+    incoming = direction(1.2, np.array([np.pi]))
+    around = direction(np.pi / 2 + np.linspace(-2e-6, 2e-6, 41), 0.0)
+    found = evaluate(material, 0.4, incoming, around)
+    assert found.min() > 0
+    assert np.abs(np.diff(found)).max() < 1e-4 * found.max()
+    assert not evaluate(material, 0.4, incoming, direction(np.pi / 2 + 0.11, np.array([0.0]))).any()
