@@ -7,7 +7,6 @@
 //   CHART              0 lat-long, 1 cubes, 2 paraboloids, 3 mirror ball
 //   MODE               0 mirror, 1 refraction, 2 both
 //   FRESNEL            0 a constant, 1 Fresnel's equations, 2 Schlick's approximation
-//   NEAREST            1 where a texel is taken as it is
 //   COLOURS            1 to 4 channels of pictures
 //   WEIGHT             float or double: the precision of reflectances
 //   BASE, IRRADIANCE   1 where there is such an input; COATED 1 where the base loses what is reflected
@@ -121,19 +120,18 @@ inline float4 next(float8 both)
 #endif
 }
 
-// Reads up to 8 floats from a texel on; what is not of the texel or its neighbour is not used.
-inline float4 value(global const float *restrict image, const Places *restrict at, int i, int wide)
+// Between texels, or the nearest. Reads up to 8 floats from a texel on; what is not of it or its neighbour is not used.
+inline float4 value(global const float *restrict image, const Places *restrict at, int i, int wide, int nearest)
 {
     global const float *p = image + COLOURS * (size_t)at->texel[i];
     size_t row = COLOURS * (size_t)(wide + 2);
-#if NEAREST
-    float4 near = vload4(0, p + (at->x[i] >= 0.5f ? COLOURS : 0) + (at->y[i] >= 0.5f ? row : 0));
-    float gone = at->x[i] + at->y[i];
-    return gone == gone ? near : (float4)(gone);
-#else
+    if (nearest) {
+        float4 near = vload4(0, p + (at->x[i] >= 0.5f ? COLOURS : 0) + (at->y[i] >= 0.5f ? row : 0));
+        float gone = at->x[i] + at->y[i];
+        return gone == gone ? near : (float4)(gone);
+    }
     float8 upper = vload8(0, p), lower = vload8(0, p + row);
     return mixed(mixed(upper.lo, next(upper), at->x[i]), mixed(lower.lo, next(lower), at->x[i]), at->y[i]);
-#endif
 }
 
 inline float4 coloured(const float *restrict from, int i)
@@ -175,7 +173,8 @@ kernel void reflection(global const float *restrict normals, global const float 
                        global const float *restrict base, global const float *restrict environment,
                        global const float *restrict irradiance, global float *restrict out,
                        global const double *restrict n, global const int *restrict cells, int width, int height,
-                       int tall, int wide, int irradiance_tall, int irradiance_wide, ulong pixels)
+                       int tall, int wide, int irradiance_tall, int irradiance_wide, int nearest,
+                       ulong pixels)
 {
     ulong first = get_global_id(0) * (ulong)SEGMENT;
     if (first >= pixels)
@@ -262,7 +261,7 @@ kernel void reflection(global const float *restrict normals, global const float 
     float4 made[SEGMENT];
 #if IRRADIANCE
     located(&at, &outward, irradiance_tall, irradiance_wide, cells);
-    EACH made[i] = value(irradiance, &at, i, irradiance_wide);
+    EACH made[i] = value(irradiance, &at, i, irradiance_wide, nearest);
 #endif
     EACH {
 #if BASE && IRRADIANCE
@@ -280,7 +279,7 @@ kernel void reflection(global const float *restrict normals, global const float 
 #if MODE != 1
     located(&at, &mirror, tall, wide, cells);
     EACH {
-        float4 seen = value(environment, &at, i, wide);
+        float4 seen = value(environment, &at, i, wide, nearest);
 #if BASE
         plain = coloured(own, i);
 #endif
@@ -290,7 +289,7 @@ kernel void reflection(global const float *restrict normals, global const float 
 #if MODE != 0
     located(&at, &through, tall, wide, cells);
     EACH {
-        float4 seen = value(environment, &at, i, wide), kept = made[i];
+        float4 seen = value(environment, &at, i, wide, nearest), kept = made[i];
         float passes = MODE == 1 && !FRESNEL ? share[i] : 1.0f - share[i];
 #if MODE == 1
 #if BASE
