@@ -67,26 +67,29 @@ class Seams(NamedTuple):
     """(n, 4); each row's sum is 1"""
 
 
-def framed(pixels: Array, chart: Chart, channels: int | None = None) -> Array:
-    """The image's charts, each with its frame: (charts, height + 2, width + 2, channels), of the image's precision.
+def framed(pixels: Array, chart: Chart) -> Array:
+    """The image's charts, each with its frame: (charts, height + 2, width + 2, channels), of the image's precision."""
+    return in_memory(pixels, chart)[0]
 
-    Channels beyond the image's own, where more are asked for, are 0.
-    """
+
+def in_memory(pixels: Array, chart: Chart) -> tuple[Array, Array]:
+    """The framed image, and the memory it lies in, with room behind it for reads of 8 numbers."""
     across, down = LAYOUT[chart]
-    height, width, own = pixels.shape
+    height, width, channels = pixels.shape
     tall, wide = height // down, width // across
-    made = aligned_empty((down * across, tall + 2, wide + 2, channels or own), pixels.dtype)
-    inside = pixels.reshape(down, tall, across, wide, own).transpose(0, 2, 1, 3, 4)
-    made.reshape(down, across, tall + 2, wide + 2, -1)[:, :, 1:-1, 1:-1, :own] = inside
-    if made.shape[3] > own:
-        made[..., own:] = 0
+    shape = (down * across, tall + 2, wide + 2, channels)
+    size = math.prod(shape)
+    memory = aligned_empty((size + 8,), pixels.dtype)
+    memory[size:] = 0
+    made = memory[:size].reshape(shape)
+    inside = pixels.reshape(down, tall, across, wide, channels).transpose(0, 2, 1, 3, 4)
+    made.reshape(down, across, tall + 2, wide + 2, channels)[:, :, 1:-1, 1:-1] = inside
     if chart is Chart.LATLONG:
         _close_latlong(made[0])
-        return made
-    seams = _seams(chart, tall, wide)
-    flat = made.reshape(-1, made.shape[3])
-    flat[seams.targets] = np.einsum("nk,nkc->nc", seams.weights.astype(pixels.dtype), flat[seams.sources])
-    return made
+    else:
+        seams, flat = _seams(chart, tall, wide), made.reshape(-1, channels)
+        flat[seams.targets] = np.einsum("nk,nkc->nc", seams.weights.astype(pixels.dtype), flat[seams.sources])
+    return made, memory
 
 
 def _close_latlong(one: Array) -> None:

@@ -7,8 +7,8 @@
 //   CHART              0 lat-long, 1 cubes, 2 paraboloids, 3 mirror ball
 //   MODE               0 mirror, 1 refraction, 2 both
 //   FRESNEL            0 a constant, 1 Fresnel's equations, 2 Schlick's approximation
-//   NEAREST            1 where a texel is taken as it is
-//   COLOURS            1 to 4 channels of pictures; framed environments have 4
+//   COLOURS            1 to 4 channels of pictures
+//   WEIGHT             float or double: the precision of reflectances
 //   BASE, IRRADIANCE   1 where there is such an input; COATED 1 where the base loses what is reflected
 //   BEHIND             1 where the environment shows where there is no surface
 // `n` holds the turn, row by row, the eye, the scale of the view, the index, its inverse, and the constant reflectance.
@@ -106,18 +106,32 @@ inline void located(Places *restrict at, const Directions *restrict d, int tall,
 // A neighbour of no weight takes no part, whatever it holds.
 inline float4 mixed(float4 a, float4 b, float t) { return t == 0.0f ? a : (1.0f - t) * a + t * b; }
 
-inline float4 value(global const float *restrict image, const Places *restrict at, int i, int wide)
+// The second of two neighbouring texels.
+inline float4 next(float8 both)
 {
-    global const float *p = image + 4 * (size_t)at->texel[i];
-    size_t row = 4 * (size_t)(wide + 2);
-#if NEAREST
-    float4 near = vload4(0, p + (at->x[i] >= 0.5f ? 4 : 0) + (at->y[i] >= 0.5f ? row : 0));
-    float gone = at->x[i] + at->y[i];
-    return gone == gone ? near : (float4)(gone);
+#if COLOURS == 1
+    return both.s1234;
+#elif COLOURS == 2
+    return both.s2345;
+#elif COLOURS == 3
+    return both.s3456;
 #else
-    float8 upper = vload8(0, p), lower = vload8(0, p + row);
-    return mixed(mixed(upper.lo, upper.hi, at->x[i]), mixed(lower.lo, lower.hi, at->x[i]), at->y[i]);
+    return both.hi;
 #endif
+}
+
+// Between texels, or the nearest. Reads up to 8 floats from a texel on; what is not of it or its neighbour is not used.
+inline float4 value(global const float *restrict image, const Places *restrict at, int i, int wide, int nearest)
+{
+    global const float *p = image + COLOURS * (size_t)at->texel[i];
+    size_t row = COLOURS * (size_t)(wide + 2);
+    if (nearest) {
+        float4 near = vload4(0, p + (at->x[i] >= 0.5f ? COLOURS : 0) + (at->y[i] >= 0.5f ? row : 0));
+        float gone = at->x[i] + at->y[i];
+        return gone == gone ? near : (float4)(gone);
+    }
+    float8 upper = vload8(0, p), lower = vload8(0, p + row);
+    return mixed(mixed(upper.lo, next(upper), at->x[i]), mixed(lower.lo, next(lower), at->x[i]), at->y[i]);
 }
 
 inline float4 coloured(const float *restrict from, int i)
@@ -136,26 +150,31 @@ inline float4 coloured(const float *restrict from, int i)
     return made;
 }
 
-inline double reflected(double c, double ratio, double k)
+// Of the cosine before and the squared one behind. A difference that could lose digits is taken in doubles; of what
+// follows, WEIGHT keeps enough.
+inline float reflected(double before, double ratio, double k)
 {
+    WEIGHT c = (WEIGHT)before;
 #if FRESNEL == 2
-    double f = (ratio - 1) / (ratio + 1), far = 1 - (ratio < 1 ? sqrt(k < 0 ? 0.0 : k) : c), squared = far * far;
-    f = f * f;
-    double made = f + (1 - f) * (squared * squared * far);
+    double f = (ratio - 1) / (ratio + 1);
+    WEIGHT least = (WEIGHT)(f * f), far = 1 - (ratio < 1 ? (WEIGHT)sqrt(k < 0 ? 0.0 : k) : c), squared = far * far;
+    WEIGHT made = least + (1 - least) * (squared * squared * far);
 #else
-    double a = (ratio - 1) * (ratio + 1), g2 = a + c * c, total = sqrt(g2 < 0 ? 0.0 : g2) + c, u = a / (total * total);
-    double w = (c * total - 1) / (c * (a / total) + 1), made = u * u * (1 + w * w) / 2;
+    double difference = (ratio - 1) * (ratio + 1), g2 = difference + before * before;
+    WEIGHT a = (WEIGHT)difference, total = (WEIGHT)(sqrt(g2 < 0 ? 0.0 : g2) + before), u = a / (total * total);
+    WEIGHT w = (c * total - 1) / (c * (a / total) + 1), made = u * u * (1 + w * w) / 2;
 #endif
-    made = k < 0 ? 1.0 : made;
-    made = ratio == 1 ? 0.0 : made;
-    return c == c ? made : c;
+    made = k < 0 ? 1 : made;
+    made = ratio == 1 ? 0 : made;
+    return (float)(c == c ? made : c);
 }
 
 kernel void reflection(global const float *restrict normals, global const float *restrict positions,
                        global const float *restrict base, global const float *restrict environment,
                        global const float *restrict irradiance, global float *restrict out,
                        global const double *restrict n, global const int *restrict cells, int width, int height,
-                       int tall, int wide, int irradiance_tall, int irradiance_wide, ulong pixels)
+                       int tall, int wide, int irradiance_tall, int irradiance_wide, int nearest,
+                       ulong pixels)
 {
     ulong first = get_global_id(0) * (ulong)SEGMENT;
     if (first >= pixels)
@@ -224,7 +243,7 @@ kernel void reflection(global const float *restrict normals, global const float 
         c = fabs(c);
         c = c > 1 ? 1.0 : c;
         double eta = 1 / ratio, k = 1 - eta * eta * (1 - c * c), twice = 2 * c;
-        share[i] = FRESNEL ? (float)reflected(c, ratio, k) : fixed;
+        share[i] = FRESNEL ? reflected(c, ratio, k) : fixed;
         int behind = BEHIND & nothing;
 #if MODE != 1
         turn(&mirror, i, behind ? -vx : twice * nx - vx, behind ? -vy : twice * ny - vy,
@@ -242,7 +261,7 @@ kernel void reflection(global const float *restrict normals, global const float 
     float4 made[SEGMENT];
 #if IRRADIANCE
     located(&at, &outward, irradiance_tall, irradiance_wide, cells);
-    EACH made[i] = value(irradiance, &at, i, irradiance_wide);
+    EACH made[i] = value(irradiance, &at, i, irradiance_wide, nearest);
 #endif
     EACH {
 #if BASE && IRRADIANCE
@@ -260,7 +279,7 @@ kernel void reflection(global const float *restrict normals, global const float 
 #if MODE != 1
     located(&at, &mirror, tall, wide, cells);
     EACH {
-        float4 seen = value(environment, &at, i, wide);
+        float4 seen = value(environment, &at, i, wide, nearest);
 #if BASE
         plain = coloured(own, i);
 #endif
@@ -270,7 +289,7 @@ kernel void reflection(global const float *restrict normals, global const float 
 #if MODE != 0
     located(&at, &through, tall, wide, cells);
     EACH {
-        float4 seen = value(environment, &at, i, wide), kept = made[i];
+        float4 seen = value(environment, &at, i, wide, nearest), kept = made[i];
         float passes = MODE == 1 && !FRESNEL ? share[i] : 1.0f - share[i];
 #if MODE == 1
 #if BASE

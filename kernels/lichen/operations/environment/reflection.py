@@ -161,14 +161,15 @@ def _moved(p: Parameters, facts: Facts) -> float:
 
 
 def _rounded(p: Parameters, facts: InputFacts) -> float:
-    """Of places, of weights, and of the sums: a dozen roundings of what is added."""
+    """Of places, of weights, and of the sums: two dozen roundings of what is added, seams among them, and of a
+    reflectance ten more."""
     environment = facts.get("environment", facts["normal"])
     scale = facts["base"].extent.magnitude if "base" in facts and "irradiance" in facts else 1.0
     value = _moved(p, environment) * environment.extent.spread
     if "irradiance" in facts:
         value += _moved(p, facts["irradiance"]) * facts["irradiance"].extent.spread * scale
     magnitude = environment.extent.magnitude + max(map(abs, _under(facts)))
-    return min(value + 14 * ROUNDING * magnitude, FLOAT_MAX)
+    return min(value + (34 if p.fresnel is Fresnel.DIELECTRIC else 24) * ROUNDING * magnitude, FLOAT_MAX)
 
 
 def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
@@ -303,7 +304,7 @@ def _launched(
     normal = inputs["normal"]
     channels = inputs["environment"].channels
     maps = {
-        name: framed.framed(inputs[name].pixels, p.chart, 4) for name in ("environment", "irradiance") if name in inputs
+        name: framed.in_memory(inputs[name].pixels, p.chart) for name in ("environment", "irradiance") if name in inputs
     }
     charts = {Chart.LATLONG: 0, Chart.PARABOLOID: 2, Chart.MIRROR_BALL: 3}
     scale = math.tan(math.radians(p.fov or 0.0) / 2) / (0.5 * normal.height)
@@ -313,14 +314,16 @@ def _launched(
         "NORMALS": normal.channels, "UNIT": int(p.encoding is Encoding.UNIT),
         "DOWN": int(p.convention is Convention.DIRECTX), "CHART": charts.get(p.chart, 1),
         "VIEW": 2 if "position" in inputs else int(p.fov is not None), "MODE": list(Mode).index(p.mode),
-        "FRESNEL": fresnel, "NEAREST": int(nearest), "COLOURS": channels, "BASE": int("base" in inputs),
-        "IRRADIANCE": int("irradiance" in inputs), "COATED": int(p.coated),
+        "FRESNEL": fresnel, "COLOURS": channels, "BASE": int("base" in inputs),
+        "WEIGHT": "float" if 0.5 <= p.index <= 2 else "double", "IRRADIANCE": int("irradiance" in inputs),
+        "COATED": int(p.coated),
         "BEHIND": int(p.background is Background.ENVIRONMENT),
     }  # fmt: skip
     out = aligned_empty((normal.height, normal.width, channels))
+    memories = [maps[name][1] if name in maps else None for name in ("environment", "irradiance")]
     given = {name: aligned(inputs[name].pixels) if name in inputs else None for name in ("position", "base")}
     sizes = [
-        np.int32(maps[name].shape[axis] - 2 if name in maps else 1)
+        np.int32(maps[name][0].shape[axis] - 2 if name in maps else 1)
         for name in ("environment", "irradiance")
         for axis in (1, 2)
     ]
@@ -328,9 +331,9 @@ def _launched(
     with device.session() as session:
         session.launch(
             "environment/reflection.cl", "reflection", (-(-pixels // 64),),
-            aligned(normal.pixels), given["position"], given["base"], maps["environment"], maps.get("irradiance"),
+            aligned(normal.pixels), given["position"], given["base"], *memories,
             session.write(out), aligned(numbers, np.float64), _cells(p.chart), np.int32(normal.width),
-            np.int32(normal.height), *sizes, np.uint64(pixels),
+            np.int32(normal.height), *sizes, np.int32(nearest), np.uint64(pixels),
             local=(1,), defines=defines,
         )  # fmt: skip
     return out

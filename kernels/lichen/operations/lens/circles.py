@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from lichen.memory import Array
 
@@ -60,8 +59,20 @@ def padded(plane: Array, around: int, value: float) -> Array:
 
 def nearby(radius: Array, around: int) -> Array:
     """The largest radius within a square of `around` pixels about each."""
-    found: Array = ndimage.maximum_filter(radius, size=2 * around + 1, mode="constant", cval=float(NOTHING))
+    found = padded(radius, around, float(NOTHING))
+    for axis in (0, 1):
+        found = _largest(found, 2 * around + 1, axis)
     return found
+
+
+def _largest(plane: Array, window: int, axis: int) -> Array:
+    """Of as many neighbours from each on: windows of powers of two, the last two of which overlap."""
+    moved, reach = np.moveaxis(plane, axis, 0), 1
+    while 2 * reach <= window:
+        moved = np.maximum(moved[:-reach], moved[reach:])
+        reach *= 2
+    rest = window - reach
+    return np.moveaxis(np.maximum(moved[: len(moved) - rest], moved[rest:]) if rest else moved, 0, axis)
 
 
 def grouped(offsets: int) -> list[tuple[int, int]]:

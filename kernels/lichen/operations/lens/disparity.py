@@ -73,12 +73,17 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     return Facts(depth.height, depth.width, 1, Space.DATA, Alpha.NONE, Extent(-p.largest, p.largest, lost))
 
 
-def _disparity(depth: Array, p: Parameters) -> Array:
+def apart(depth: Array, p: Parameters, height: int, largest: float) -> Array:
+    """Of depths in a picture of this height, within `largest`; float64."""
     z = depth.astype(np.float64)
-    scale, back = p.scale(depth.shape[0]), 1 / p.convergence if p.convergence else 0.0
+    scale, back = p.scale(height), 1 / p.convergence if p.convergence else 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart = np.where(scale == 0, 0.0, scale * (1 / np.abs(z) - back))
-        return np.where(z >= 0, np.clip(apart, -p.largest, p.largest), np.nan)
+        found = np.where(scale == 0, 0.0, scale * (1 / np.abs(z) - back))
+        return np.where(z >= 0, np.clip(found, -largest, largest), np.nan)
+
+
+def _disparity(depth: Array, p: Parameters) -> Array:
+    return apart(depth, p, depth.shape[0], p.largest)
 
 
 def _known(pixels: Array, *expected: float) -> str | None:

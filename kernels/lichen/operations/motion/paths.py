@@ -71,7 +71,8 @@ def along(picture: Picture, motion: Array, first: float, last: float) -> Array:
             ends = np.stack([at - step * first, at - step * last])
             line = np.ceil(ends.min(axis=0))[..., np.newaxis] + np.arange(count)
             safe = np.where(step == 0, 1.0, step)[..., np.newaxis]
-            when = np.where(step[..., np.newaxis] == 0, last, (at[..., np.newaxis] - line) / safe)
+            with np.errstate(over="ignore"):
+                when = np.where(step[..., np.newaxis] == 0, last, (at[..., np.newaxis] - line) / safe)
             t.append(np.clip(when, first, last))
         times = np.sort(np.concatenate(t, axis=-1), axis=-1)
         total = np.zeros((*a.shape, channels))
