@@ -95,7 +95,8 @@ $(VENV)/.runtime: requirements.lock $(SOURCES)
 	@PYTHONWARNINGS=ignore $(PIP) install --no-deps --no-build-isolation --editable .
 	@touch $@
 
-$(VENV)/.development: requirements-dev.lock $(VENV)/.runtime
+$(VENV)/.development: requirements-dev.lock .ci/testing-packages.txt $(VENV)/.runtime
+	@PYTHON=$(PYTHON) .ci/install-system --testing
 	@echo "Installing the Python packages of requirements-dev.lock into $(VENV)"
 	@$(PIP) install --require-hashes --only-binary :all: --requirement requirements-dev.lock
 	@touch $@
