@@ -6,7 +6,6 @@ would get among those that the case is meant for.
 
 from __future__ import annotations
 
-import threading
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -19,8 +18,6 @@ from lichen_service.studio.pictures import png
 
 TEST = "tests/kernels/test_every_operation.py::test_hard_cases_hold"
 """What holds every method on every backend to all of them."""
-
-_one_at_a_time = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +47,7 @@ def listed() -> dict[str, Any]:
 def examined(name: str, index: int) -> Examined:
     """Raises `UnknownOperation`, and `IndexError` for a case that there is not."""
     catalogue.operation(name).hard_cases[index]
-    with _one_at_a_time:
-        return _examined(name, index)
+    return _examined(name, index)
 
 
 def _told(image: Image) -> dict[str, Any]:

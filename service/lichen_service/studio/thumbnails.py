@@ -1,11 +1,10 @@
 """Pictures of the catalogue: each operation run as it is first shown, cropped, and shrunk by the service itself.
 
-They are made when first asked for and kept: as many as there are operations, a few kilobytes each.
+They are made when first asked for and kept: as many as there are operations, some tens of kilobytes each.
 """
 
 from __future__ import annotations
 
-import threading
 from functools import lru_cache
 
 import lichen
@@ -19,14 +18,11 @@ from lichen_service.studio.samples import sample, showcase
 WIDTH, HEIGHT = 160, 120
 """px: twice what the page shows, for dense displays."""
 
-_one_at_a_time = threading.Lock()
-
 
 def thumbnail(name: str) -> bytes:
     """A PNG of `WIDTH` x `HEIGHT`. Raises `UnknownOperation`, and what the run raises."""
     catalogue.operation(name)
-    with _one_at_a_time:  # a page asks for all at once; its runs shall find a device
-        return _thumbnail(name)
+    return _thumbnail(name)
 
 
 @lru_cache(maxsize=512)

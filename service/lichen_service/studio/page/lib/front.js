@@ -2,14 +2,16 @@
 
 import { milliseconds, more, short } from "./numbers.js";
 
-// Settings of a node of a plan: { id, method, knob, error, typical, kind, ms, verdict, unfit, chosen }.
-export function settings(node) {
+// Settings of a node of a plan: { id, method, knob, error, typical, kind, ms, verdict, unfit, chosen }. `used` is the
+// setting that ran, where another one was named than the plan would have taken.
+export function settings(node, used = node) {
+  const close = (a, b) => (a ?? 0) === (b ?? 0) || Math.abs(a / b - 1) < 1e-4; // headers hold six digits
   return (node?.alternatives ?? []).map((each) => ({
     id: `${each.method}/${each.knob ?? ""}`,
     method: each.method, knob: each.knob, typical: each.typical, ms: each.milliseconds,
     stated: each.result_error?.value, kind: each.result_error?.kind, // of the whole result, conversions before and after included
     verdict: each.verdict, unfit: each.verdict.startsWith("not possible"),
-    chosen: each.method === node.method && each.knob === node.knob,
+    chosen: each.method === used.method && close(each.knob, used.knob),
   }));
 }
 

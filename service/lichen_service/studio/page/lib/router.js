@@ -11,6 +11,8 @@ export const link = (view, name = "", query = []) =>
 
 // Says where we are without a step in the history: parameters change with every movement of a slider.
 export function say(view, name, query) {
+  const now = here();
+  if (now.name && now.name !== name) return; // the visitor is already on the way to somewhere else
   const wanted = link(view, name, query);
   if (location.hash !== wanted) history.replaceState(null, "", wanted);
 }

@@ -51,11 +51,20 @@ export async function asFloats(order, { signal, preview } = {}) {
   return new Picture(await response.blob(), "result", { facts: factsOf(response) });
 }
 
-export async function explain(order, signal) {
+// The plan, as it would be if no method were named: it judges all of them.
+export async function explain(order) {
+  const named = new Set(["method", ...order.described.methods.map((each) => each.knob?.name)]);
+  const wishes = Object.fromEntries(Object.entries(order.wishes).filter(([name]) => !named.has(name)));
   const response = await request("POST", order.path, {
-    query: order.query({ explain: true }), signal, body: order.body(), headers: { Accept: "image/png" }, quiet: true,
+    query: order.copy({ wishes }).query({ explain: true }), body: order.body(), headers: { Accept: "image/png" }, quiet: true,
   });
   return response.json();
+}
+
+// { method, knob } from "fir; tail=1e-05".
+export function settingOf(headers) {
+  const [method, knob] = (headers.get("Lichen-Method") ?? "").split(";").map((each) => each.trim());
+  return { method, knob: knob ? Number(knob.split("=")[1]) : null };
 }
 
 // { low, high } from "log10; low=1e-9; high=1e-5; untaken=transparent".

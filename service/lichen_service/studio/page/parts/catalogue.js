@@ -1,6 +1,7 @@
 // All operations by family, with a picture each, and a search over names and summaries.
 
 import { fill, h, icon } from "../lib/dom.js";
+import { loaded, Queue, seen } from "../lib/queue.js";
 import { link } from "../lib/router.js";
 
 export function catalogue(operations, { chosen }) {
@@ -10,11 +11,16 @@ export function catalogue(operations, { chosen }) {
   const chips = h("div", { class: "chips", role: "group", "aria-label": "Families" });
   const list = h("div", { class: "catalogue-list" });
   const count = h("p", { class: "visually-hidden", role: "status" });
+  const queue = new Queue();
+  const watcher = seen(list, (item) => queue.add(() => {
+    const picture = item.querySelector("img");
+    picture.hidden = false;
+    return loaded(picture, `/studio/thumbnails/${picture.dataset.name}`);
+  }));
   const items = new Map(operations.map((each) => [each.name, item(each)]));
 
   function item(each) {
-    const picture = h("img", { src: `/studio/thumbnails/${each.name}`, alt: "", width: 80, height: 60, loading: "lazy", decoding: "async" });
-    picture.addEventListener("error", () => { picture.hidden = true; });
+    const picture = h("img", { alt: "", width: 80, height: 60, decoding: "async", "data-name": each.name, hidden: true });
     return h("a", { class: "operation", href: link("try", each.name), "data-operation": each.name },
       h("span", { class: "thumb" }, picture),
       h("span", { class: "operation-text" }, h("span", { class: "operation-name" }, each.name), h("span", { class: "operation-about" }, each.summary)));
@@ -66,5 +72,6 @@ export function catalogue(operations, { chosen }) {
   };
   const element = h("div", { class: "catalogue" },
     h("div", { class: "catalogue-head" }, h("label", { class: "search-box" }, icon("search"), search), chips, count), list);
-  return { element, mark, focus: () => search.focus() };
+  for (const each of items.values()) watcher.observe(each);
+  return { element, mark, focus: () => search.focus(), draw: () => queue.open() };
 }

@@ -150,6 +150,9 @@ function json(kind, { id, value, changed }) {
 function optional(inner, about) {
   const box = h("input", { type: "checkbox", "aria-label": `give ${about.label}` });
   const slot = h("div", { class: "optional-slot" });
+  for (const field of [inner.element, ...inner.element.querySelectorAll("input, select, textarea")]) {
+    if (field.matches("input, select, textarea") && !field.hasAttribute("aria-label")) field.setAttribute("aria-label", about.label);
+  }
   const element = h("div", { class: "optional" }, box, slot);
   const show = (there) => {
     box.checked = there;

@@ -7,18 +7,27 @@ const LONG = 12;
 
 export function findings(found) {
   const rows = [...flat(found)];
-  return h("section", { class: "findings" }, h("h3", "Findings"),
+  return h("section", { class: "findings" }, h("h2", "Findings"),
     h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Findings" },
       h("table", h("tbody", rows.map(([path, value]) => h("tr", h("th", { scope: "row" }, path), h("td", shown(value))))))));
 }
 
 function* flat(value, path = "") {
   const object = value !== null && typeof value === "object" && !Array.isArray(value);
-  if (!object) return yield [path, value];
+  if (!object) return yield* listed(value, path);
   for (const [name, each] of Object.entries(value)) yield* flat(each, path ? `${path} ${name}` : name);
 }
 
+// A few things of the same kind are told side by side: "channels mean" has a value for each channel.
+function* listed(value, path) {
+  const alike = Array.isArray(value) && value.length > 0 && value.length <= LONG && value.every((each) => each !== null && typeof each === "object" && !Array.isArray(each));
+  if (!alike) return yield [path, value];
+  const names = [...new Set(value.flatMap((each) => Object.keys(each)))];
+  for (const name of names) yield [`${path} ${name}`, value.map((each) => each[name])];
+}
+
 function shown(value) {
+  if (Array.isArray(value) && value.some((each) => Array.isArray(each) && each.length > LONG)) return value.map(shown);
   if (Array.isArray(value)) {
     const numbers = value.every((each) => typeof each === "number");
     if (numbers && value.length > LONG) return bars(value);

@@ -8,6 +8,7 @@ import { decades, milliseconds, short } from "../lib/numbers.js";
 const WIDTH = 360;
 const HEIGHT = 236;
 const EDGE = { left: 52, right: 12, top: 12, bottom: 40 };
+const REACH = 18; // how far from a point a click still means it
 const SHAPES = ["circle", "square", "diamond", "triangle", "down", "plus"];
 
 export function plot(points, { by, wanted, chosen }) {
@@ -20,13 +21,33 @@ export function plot(points, { by, wanted, chosen }) {
   const marks = points.map((point) => mark(point, methods.indexOf(point.method), [x.at(point.error), y.at(point.ms)], { chosen, say }));
   rove(marks, points);
   say(points.find((each) => each.chosen));
-  const drawing = s("svg", { class: "plot", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "group", "aria-label": "Error against time of every setting" },
+  const places = points.map((each) => [x.at(each.error), y.at(each.ms)]);
+  const near = (event) => nearest(places, event);
+  const drawing = s("svg", {
+    class: "plot", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "group", "aria-label": "Error against time of every setting",
+    onclick: (event) => { const index = near(event); if (index >= 0) chosen?.(points[index]); },
+    onpointermove: (event) => {
+      const index = near(event);
+      marks.forEach((each, i) => each.classList.toggle("near", i === index));
+      say(points[index]);
+    },
+    onpointerleave: () => { marks.forEach((each) => each.classList.remove("near")); say(null); },
+  },
     grid(x, y), labels(by), line(points, x, y), wanted ? limit(x.at(wanted), wanted) : null, marks);
   return h("figure", { class: "plot-figure" }, drawing, legend(methods), h("figcaption", tip));
 }
 
 const sentence = (each) => `${named(each)}: ${each.by === "typical" ? "typical error" : "error"} ${short(each.error)}${each.kind && each.by !== "typical" ? ` (${each.kind})` : ""}, ${milliseconds(each.ms)}. ${each.front ? "On the front: nothing is as fast and as accurate." : capital(each.verdict)}`;
 const capital = (text) => (text ? `${text[0].toUpperCase()}${text.slice(1)}.` : "");
+
+// The point that a pointer means: the nearest, if it is near at all.
+function nearest(places, event) {
+  const box = event.currentTarget.getBoundingClientRect();
+  const unit = WIDTH / box.width;
+  const away = places.map(([x, y]) => Math.hypot((event.clientX - box.left) * unit - x, (event.clientY - box.top) * unit - y));
+  const index = away.indexOf(Math.min(...away));
+  return away[index] <= REACH ? index : -1;
+}
 
 // Zero has no logarithm: it stands a decade below the smallest of the others.
 function axis(values, start, end) {
@@ -65,7 +86,7 @@ function mark(point, method, [cx, cy], { chosen, say }) {
     class: `plot-point series-${method % 6}${point.front ? " on-front" : ""}${point.chosen ? " in-use" : ""}`,
     role: "button", tabindex: -1, "aria-label": about, "aria-pressed": String(Boolean(point.chosen)), transform: `translate(${cx} ${cy})`,
     "data-method": point.method, "data-knob": point.knob ?? "",
-    onclick: () => chosen?.(point), onfocus: () => say(point), onpointerenter: () => say(point), onpointerleave: () => say(null),
+    onfocus: () => say(point),
     onkeydown: (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); chosen?.(point); } },
   }, s("circle", { r: 12, class: "plot-reach" }), point.chosen ? s("circle", { r: 9, class: "plot-ring" }) : null, shape(method, point.front ? 5 : 4));
   return element;

@@ -15,11 +15,11 @@ export function price({ choose, measure, opacity }) {
   const verify = h("input", { type: "checkbox", class: "switch", role: "switch", id: "measure", onchange: () => measure(verify.checked) });
   const measured = h("div", { class: "measured" });
   const element = h("section", { class: "price", "aria-labelledby": "price-title" },
-    h("h3", { id: "price-title" }, "What accuracy costs"), words, plotted, walk, corpus,
+    h("h2", { id: "price-title" }, "What accuracy costs"), words, plotted, walk, corpus,
     h("div", { class: "measure" }, verify, h("label", { for: "measure" }, "Measure the error on this picture")), measured);
 
-  // `plan` as the service explained it; `order` is what was asked.
-  function show(plan, order) {
+  // `plan` as the service explained it; `order` is what was asked, `used` the setting that ran.
+  function show(plan, order, used) {
     const node = plan.nodes.find((each) => each.operation === order.name);
     if (!node) {
       fill(plotted);
@@ -28,7 +28,7 @@ export function price({ choose, measure, opacity }) {
       words.textContent = `Nothing is computed: ${why ? why.reason : "the result is the input"}. It is exact and costs nothing.`;
       return;
     }
-    const { by, points } = judged(settings(node));
+    const { by, points } = judged(settings(node, used));
     for (const each of points) each.by = by;
     const inUse = points.find((each) => each.chosen);
     const knobs = Object.fromEntries(order.described.methods.filter((each) => each.knob).map((each) => [each.name, each.knob.name]));
@@ -82,9 +82,8 @@ export function price({ choose, measure, opacity }) {
     element,
     show,
     // What the corpus showed of the setting in use, from the service's report of this operation.
-    about(report, plan, name) {
-      const node = plan?.nodes.find((each) => each.operation === name);
-      const found = node && report?.settings.find((each) => each.method === node.method && each.knob === node.knob);
+    about(report, used) {
+      const found = used && report?.settings.find((each) => each.method === used.method && (each.knob === used.knob || Math.abs(each.knob / used.knob - 1) < 1e-4));
       fill(corpus, found && Number.isFinite(found.worst) && found.worst !== null
         ? `On the corpus of test pictures ${named(found)} was off by ${short(found.worst)} at worst and ${short(found.typical)} as a rule (RMS). ${report.headline}`
         : report?.headline ?? "");

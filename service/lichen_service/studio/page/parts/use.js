@@ -17,7 +17,7 @@ export function use({ formats, failed }) {
   const copy = h("button", { type: "button", class: "plain", onclick: copied }, icon("copy"), "Copy");
   const save = h("button", { type: "button", class: "plain", onclick: saved }, icon("download"), "Download");
   const element = h("section", { class: "use", "aria-labelledby": "use-title" },
-    h("div", { class: "use-head" }, h("h3", { id: "use-title" }, "Use it"), kinds.element, copy, done, h("span", { class: "spring" }), menu, save), code);
+    h("div", { class: "use-head" }, h("h2", { id: "use-title" }, "Use it"), kinds.element, copy, done, h("span", { class: "spring" }), menu, save), code);
 
   async function text() {
     if (shown === "curl") return asCurl(order, location.origin, format);

@@ -3,6 +3,7 @@
 import { json } from "../lib/api.js";
 import { fill, h, icon } from "../lib/dom.js";
 import { short } from "../lib/numbers.js";
+import { Queue, seen } from "../lib/queue.js";
 import { link } from "../lib/router.js";
 
 export async function mount(root) {
@@ -10,21 +11,25 @@ export async function mount(root) {
   const families = [...new Set(operations.map((each) => each.family))];
   const list = h("div", { class: "cases" });
   const count = operations.reduce((sum, each) => sum + each.cases.length, 0);
-  const watcher = new IntersectionObserver((entries) => {
-    for (const each of entries) if (each.isIntersecting) { watcher.unobserve(each.target); each.target.dispatchEvent(new Event("seen")); }
-  }, { rootMargin: "300px" });
-  const chips = h("div", { class: "chips", role: "group", "aria-label": "Families" }, ["all", ...families].map((name) =>
-    h("button", { type: "button", class: "chip", "aria-pressed": String(name === "all"), onclick: (event) => {
-      for (const each of chips.children) each.setAttribute("aria-pressed", String(each === event.currentTarget));
-      show(name);
-    } }, name)));
-  const show = (family) => fill(list, operations.filter((each) => family === "all" || each.family === family).map((each) => section(each, watcher)));
-  show("all");
+  const queue = new Queue();
+  queue.open();
+  const watcher = seen(null, (element) => queue.add(element.examine));
+  const chips = h("nav", { class: "chips", "aria-label": "Families" }, families.map((name) => h("a", { class: "chip", href: link("cases", name) }, name)));
+  const show = (family) => {
+    for (const each of chips.children) {
+      if (each.textContent === family) each.setAttribute("aria-current", "page");
+      else each.removeAttribute("aria-current");
+    }
+    fill(list, operations.filter((each) => each.family === family).map((each) => section(each, watcher)));
+  };
   fill(root, h("div", { class: "wide-page" }, h("h1", "Hard cases"),
     h("p", { class: "lead" }, `${count} inputs that break naive code. Each is run by this service as you come to it, and held to what must be true; every method on every backend is held to all of them in the test suite.`),
     h("p", { class: "key-line" }, h("span", h("i", { class: "swatch nan" }), "NaN"), h("span", h("i", { class: "swatch infinite" }), "infinity")),
     chips, list));
-  return { unmount: () => watcher.disconnect() };
+  return {
+    open: ({ name }) => show(families.includes(name) ? name : families[0]),
+    unmount: () => watcher.disconnect(),
+  };
 }
 
 function section({ name, cases }, watcher) {
@@ -37,14 +42,14 @@ function card(operation, { name, why }, index, watcher) {
   const pictures = h("div", { class: "case-pictures" });
   const said = h("details", { class: "case-more" }, h("summary", "Parameters and test"), h("p", { class: "muted" }, "not run yet"));
   const element = h("article", { class: "case" }, h("h3", name), h("p", { class: "why" }, h("span", { class: "muted" }, "naive code: "), why), pictures, verdict, said);
-  element.addEventListener("seen", async () => {
+  element.examine = async () => {
     try {
       const found = await json(`/studio/cases/${operation}.${index}.json`, { quiet: true });
       show(found);
     } catch (failure) {
       fill(verdict, failure.detail ?? failure.message);
     }
-  });
+  };
   watcher.observe(element);
   return element;
 

@@ -5,7 +5,7 @@ import { fill, h, icon } from "../lib/dom.js";
 import { judged, settings } from "../lib/front.js";
 import { Order } from "../lib/order.js";
 import { say } from "../lib/router.js";
-import { asFloats, explain, run } from "../lib/run.js";
+import { asFloats, explain, run, settingOf } from "../lib/run.js";
 import { Runner } from "../lib/runner.js";
 import { sample, showcase } from "../lib/samples.js";
 import { fromText } from "../lib/schema.js";
@@ -59,9 +59,10 @@ class Try {
     this.toggle = h("button", { type: "button", class: "plain side-toggle", "aria-expanded": "false", "aria-controls": "side", onclick: () => this.#side(!this.side.classList.contains("open")) }, icon("menu"), "All operations");
     this.side = h("aside", { class: "side", id: "side", "aria-label": "Operations" }, this.catalogue.element);
     this.panel = h("aside", { class: "panel", "aria-label": "Parameters and accuracy" },
-      h("section", { "aria-labelledby": "parameters-title" }, h("h3", { id: "parameters-title" }, "Parameters"), this.form), this.price.element);
+      h("section", { "aria-labelledby": "parameters-title" }, h("h2", { id: "parameters-title" }, "Parameters"), this.form), this.price.element);
     const work = h("section", { class: "work", "aria-label": "Result" }, this.toggle, this.head, this.inputs, this.trouble, this.stage.element, this.account, this.found, this.use.element, this.theory);
-    fill(root, h("div", { class: "try" }, this.side, work, this.panel));
+    this.frame = h("div", { class: "try fresh" }, this.side, work, this.panel);
+    fill(root, this.frame);
     this.listeners = [[events, "found", () => this.#again()], [document, "paste", (event) => this.#paste(event)],
       [document, "dragover", (event) => event.preventDefault()], [document, "drop", (event) => this.#drop(event)]];
     for (const [target, name, act] of this.listeners) target.addEventListener(name, act);
@@ -107,7 +108,7 @@ class Try {
       else wishes[name] = fromText({}, text);
     }
     this.#order = new Order(described, { values, wishes, inputs: given });
-    Object.assign(this, { report: null });
+    Object.assign(this, { report: null, used: null });
     this.#plan = null;
     this.#verify = false;
     this.#floats = false;
@@ -120,11 +121,12 @@ class Try {
     fill(this.theory, about(described));
     this.#shape();
     this.#inputs();
+    this.frame.classList.remove("fresh");
     this.#ask();
     json(`/v1/accuracy/${described.name}`, { quiet: true }).then((report) => {
       if (this.#order?.name !== described.name) return;
       this.report = report;
-      this.price.about(report, this.#plan, described.name);
+      this.price.about(report, this.used);
     }, () => {});
   }
 
@@ -199,7 +201,7 @@ class Try {
   // What is run while a slider is dragged: the fastest setting whose error is hardly seen, where that saves anything.
   #cheap() {
     const node = this.#plan?.nodes.find((each) => each.operation === this.#order.name);
-    const { points } = judged(settings(node));
+    const { points } = judged(settings(node, this.used ?? undefined));
     const inUse = points.find((each) => each.chosen);
     if (!inUse || inUse.ms < SLOW) return null;
     const fast = points.filter((each) => each.error <= Math.max(SEEN, inUse.error)).sort((a, b) => a.ms - b.ms)[0];
@@ -223,6 +225,7 @@ class Try {
     if (order.described !== this.#order.described) return;
     fill(this.trouble);
     this.fields.blame([]);
+    this.catalogue.draw();
     this.result = result;
     this.#probing = null;
     this.stage.say(null);
@@ -232,6 +235,7 @@ class Try {
     if (preview) return;
     fill(this.found, result.findings ? findings(result.findings) : null);
     if (this.#verify) this.price.measured(measuredOf(result.headers), result.map ? result.scale : null);
+    this.used = settingOf(result.headers);
     this.#explain(order);
   }
 
@@ -240,8 +244,8 @@ class Try {
       const plan = await explain(order);
       if (order !== this.#order) return;
       this.#plan = plan;
-      this.price.show(plan, order);
-      this.price.about(this.report, plan, order.name);
+      this.price.show(plan, order, this.used);
+      this.price.about(this.report, this.used);
     } catch (failure) {
       if (order === this.#order) this.#fail(failure);
     }
@@ -267,8 +271,10 @@ class Try {
   }
 
   #fail(failure) {
+    this.frame.classList.remove("fresh");
     const left = this.fields ? this.fields.blame(failure.errors ?? []) : failure.errors;
     fill(this.trouble, problem(failure, left));
+    this.catalogue.draw();
     this.stage.busy(false);
   }
 
