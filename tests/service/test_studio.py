@@ -5,6 +5,7 @@ from __future__ import annotations
 import posixpath
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,11 @@ def test_every_file_of_the_page_is_served_with_its_policy(call: Caller) -> None:
         assert "unsafe" not in policy
         again = call("GET", f"/studio/{path}", headers={"if-none-match": response.headers["ETag"]})
         assert (again.status, again.body) == (304, b"")
+
+
+def test_the_portrait_is_the_sample_of_the_documentation() -> None:
+    photo = Path(__file__).resolve().parents[2] / "docs" / "samples" / "photo.jpg"
+    assert page.files()["content/portrait.jpg"].data == photo.read_bytes()
 
 
 def test_the_page_holds_no_script_of_its_own_and_names_no_other_host() -> None:

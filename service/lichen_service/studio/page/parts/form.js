@@ -60,7 +60,7 @@ function row(name, schema, order, changed) {
   const inner = element.querySelector(`#${id}`);
   if (about && inner) inner.setAttribute("aria-describedby", about.id);
   const blame = (detail) => {
-    note.textContent = detail ? `${label} ${detail}` : "";
+    note.textContent = detail ? `${label}: ${detail}` : "";
     note.hidden = !detail;
     element.classList.toggle("wrong", Boolean(detail));
     inner?.setAttribute("aria-invalid", detail ? "true" : "false");

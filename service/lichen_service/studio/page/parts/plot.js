@@ -101,7 +101,8 @@ function shape(method, r) {
     down: `M0 ${r + 1}L${r + 1} ${-r}H${-r - 1}z`,
     plus: `M-1.5 ${-r}h3v${r - 1.5}h${r - 1.5}v3h${-r + 1.5}v${r - 1.5}h-3v${-r + 1.5}h${-r + 1.5}v-3h${r - 1.5}z`,
   };
-  return s("path", { d: paths[SHAPES[method % SHAPES.length]], class: "plot-shape" });
+  const turn = Math.floor(method / SHAPES.length); // the seventh method has the colour of the first, and another shape
+  return s("path", { d: paths[SHAPES[(method + turn) % SHAPES.length]], class: "plot-shape" });
 }
 
 function legend(methods) {

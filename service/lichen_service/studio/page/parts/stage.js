@@ -8,13 +8,14 @@ import { segments } from "./controls.js";
 const DEEPEST = 64; // screen pixels for each pixel of the picture
 const GRID = 12; // from here on pixels are outlined
 
-export function stage({ probed }) {
+// `over` lies over the picture, at its top.
+export function stage({ probed, over = null }) {
   const canvas = h("canvas", { class: "stage-canvas", tabindex: 0, role: "img", "aria-label": "nothing yet" });
   const swipe = h("input", { type: "range", min: 0, max: 1000, value: 500, class: "swipe", "aria-label": "line between input and result" });
   const readout = h("output", { class: "readout", "aria-live": "off" });
   const veil = h("div", { class: "stage-veil", role: "status", hidden: true });
   const zoomText = h("span", { class: "zoom-text" });
-  const box = h("div", { class: "stage-box" }, canvas, swipe, veil);
+  const box = h("div", { class: "stage-box" }, canvas, swipe, veil, over);
   const state = {
     result: null, input: null, overlay: null, opacity: 0.85, mode: "result", zoom: 0, x: 0.5, y: 0.5, probe: null, floats: null, inputFloats: null,
   };
@@ -84,10 +85,13 @@ export function stage({ probed }) {
   function picture(pen, which, { k, left, top }, shift, overlaid = false) {
     if (!which) return;
     const { width, height } = size();
+    const missing = overlaid && !state.result; // the input stands in, faintly, where there is no result
     checker(pen, left + shift, top, width * k, height * k);
     pen.imageSmoothingEnabled = k < 2;
     pen.imageSmoothingQuality = "high";
+    pen.globalAlpha = missing ? 0.25 : 1;
     pen.drawImage(which.bitmap, left + shift, top, width * k, height * k);
+    pen.globalAlpha = 1;
     if (overlaid && state.overlay) {
       pen.globalAlpha = state.opacity;
       pen.drawImage(state.overlay, left + shift, top, width * k, height * k);

@@ -60,7 +60,7 @@ function card(operation, { name, why }, index, watcher) {
       h("figcaption", h("b", part), ` ${width} × ${height}${channels > 1 ? ` × ${channels}` : ""}`, h("br"), low === high ? short(low) : `${short(low)} … ${short(high)}`))));
     element.classList.toggle("failed", Boolean(found.wrong));
     fill(verdict, found.wrong ? icon("cross") : icon("check"),
-      found.wrong ? `does not hold: ${found.wrong}` : `holds: ${found.method} on ${found.device}${found.nonfinite ? `, ${found.nonfinite} samples not finite` : ", all finite"}`);
+      found.wrong ? `does not hold: ${found.wrong}` : `holds: ${found.method} on ${found.device}${found.nonfinite ? `, ${found.nonfinite} ${found.nonfinite === 1 ? "sample" : "samples"} not finite` : ", all finite"}`);
     fill(said, h("summary", "Parameters and test"), h("pre", JSON.stringify(found.parameters, (_, value) => (typeof value === "number" ? Number(short(value, 6)) || value : value), 1).slice(0, 1200)), h("p", h("code", found.test)));
   }
 }

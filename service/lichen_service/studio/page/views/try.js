@@ -21,7 +21,8 @@ import { use } from "../parts/use.js";
 
 const FIRST = "gaussian"; // what is open when nothing was asked for
 const SLOW = 8; // ms from which a cheap version while dragging is worth its loss
-const SEEN = 0.02; // an error up to which such a version still looks like the result
+const SEEN = 0.02; // an error up to which such a version still looks like the result,
+const MOVING = 4; // and how many times the error in use is not noticed while the picture moves
 
 export async function mount(root) {
   const [{ operations }, shown] = await Promise.all([json("/v1/operations", { quiet: true }), showcase()]);
@@ -40,7 +41,8 @@ class Try {
   constructor(root, operations, shown) {
     Object.assign(this, { root, operations, shown });
     this.catalogue = catalogue(operations, { chosen: () => this.#side(false) });
-    this.stage = stage({ probed: () => this.#probe() });
+    this.trouble = h("div", { class: "trouble" });
+    this.stage = stage({ probed: () => this.#probe(), over: this.trouble });
     this.price = price({
       choose: (wishes) => this.#wish(wishes), measure: (on) => this.#measure(on), opacity: (opacity) => this.stage.show({ opacity }),
     });
@@ -51,7 +53,6 @@ class Try {
     });
     this.head = h("header", { class: "work-head" });
     this.inputs = h("div");
-    this.trouble = h("div", { class: "trouble" });
     this.account = h("div", { class: "account-slot" });
     this.found = h("div");
     this.form = h("div");
@@ -60,7 +61,7 @@ class Try {
     this.side = h("aside", { class: "side", id: "side", "aria-label": "Operations" }, this.catalogue.element);
     this.panel = h("aside", { class: "panel", "aria-label": "Parameters and accuracy" },
       h("section", { "aria-labelledby": "parameters-title" }, h("h2", { id: "parameters-title" }, "Parameters"), this.form), this.price.element);
-    const work = h("section", { class: "work", "aria-label": "Result" }, this.toggle, this.head, this.inputs, this.trouble, this.stage.element, this.account, this.found, this.use.element, this.theory);
+    const work = h("section", { class: "work", "aria-label": "Result" }, this.toggle, this.head, this.inputs, this.stage.element, this.account, this.found, this.use.element, this.theory);
     this.frame = h("div", { class: "try fresh" }, this.side, work, this.panel);
     fill(root, this.frame);
     this.listeners = [[events, "found", () => this.#again()], [document, "paste", (event) => this.#paste(event)],
@@ -204,7 +205,7 @@ class Try {
     const { points } = judged(settings(node, this.used ?? undefined));
     const inUse = points.find((each) => each.chosen);
     if (!inUse || inUse.ms < SLOW) return null;
-    const fast = points.filter((each) => each.error <= Math.max(SEEN, inUse.error)).sort((a, b) => a.ms - b.ms)[0];
+    const fast = points.filter((each) => each.error <= Math.max(SEEN, MOVING * inUse.error)).sort((a, b) => a.ms - b.ms)[0];
     if (!fast || fast.ms > 0.7 * inUse.ms) return null;
     const knob = this.#order.described.methods.find((each) => each.name === fast.method)?.knob;
     return { method: fast.method, ...(knob && fast.knob !== null ? { [knob.name]: fast.knob } : {}) };
