@@ -21,7 +21,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, Protocol, TypeVar, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -378,7 +378,10 @@ class Operation(Generic[P]):
         JSON.
         """
         fields = self.parameters.model_fields
-        prepared = {name: _from_text(value) if name in fields else value for name, value in values.items()}
+        prepared = {
+            name: _from_text(value, fields[name].annotation) if name in fields else value
+            for name, value in values.items()
+        }
         try:
             return self.parameters.model_validate(prepared)
         except ValidationError as invalid:
@@ -390,11 +393,15 @@ class Operation(Generic[P]):
         return self.parameters.model_json_schema()
 
 
-def _from_text(value: Any) -> Any:
-    """Text that is a JSON array or object is parsed; everything else is left to the model."""
-    if isinstance(value, str) and value[:1] in ("[", "{"):
+def _from_text(value: Any, annotation: Any) -> Any:
+    """Text that is a JSON array or object is parsed, and one that is a number of a literal type becomes it; everything
+    else is left to the model."""
+    if not isinstance(value, str):
+        return value
+    if value[:1] in ("[", "{"):
         try:
             return json.loads(value)
         except ValueError:
             return value
-    return value
+    known = get_args(annotation) if get_origin(annotation) is Literal else ()
+    return next((each for each in known if str(each) == value), value)
