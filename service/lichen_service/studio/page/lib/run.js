@@ -52,11 +52,12 @@ export async function asFloats(order, { signal, preview } = {}) {
 }
 
 // The plan, as it would be if no method were named: it judges all of them.
-export async function explain(order) {
+export async function explain(order, { floats = false } = {}) {
   const named = new Set(["method", ...order.described.methods.map((each) => each.knob?.name)]);
   const wishes = Object.fromEntries(Object.entries(order.wishes).filter(([name]) => !named.has(name)));
   const response = await request("POST", order.path, {
-    query: order.copy({ wishes }).query({ explain: true }), body: order.body(), headers: { Accept: "image/png" }, quiet: true,
+    query: order.copy({ wishes }).query({ explain: true }), body: order.body(), quiet: true,
+    headers: { Accept: floats ? "application/x-npy" : "image/png" }, // as the run itself: the format decides what is seen
   });
   return response.json();
 }

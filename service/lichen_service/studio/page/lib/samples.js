@@ -30,8 +30,9 @@ async function make(name) {
     body.append(input, (await sample(other)).blob, `${other}.bin`);
   }
   const empty = Object.keys(each.inputs ?? {}).length === 0;
-  const ask = (format) => request("POST", "/v1/pipelines", {
-    query: [["pipeline", each.pipeline], ["format", format], ...(each.space ? [["space", each.space]] : [])], body: empty ? undefined : body, quiet: true,
+  const ask = (format, further = []) => request("POST", "/v1/pipelines", {
+    query: [["pipeline", each.pipeline], ["format", format], ...(each.space ? [["space", each.space]] : []), ...further],
+    body: empty ? undefined : body, quiet: true,
   });
   // Pictures travel on in a format that says what their numbers mean; data as the floats it is.
   const response = await ask("npy");
@@ -39,5 +40,6 @@ async function make(name) {
   if (facts.space === "data") {
     return new Picture(new Blob([await response.arrayBuffer()], { type: "application/x-npy" }), each.title, { sample: name, facts });
   }
-  return new Picture(await (await ask(facts.space === "linear" ? "exr" : "png")).blob(), each.title, { sample: name });
+  const encoded = facts.space === "linear" ? await ask("exr") : await ask("png", facts.alpha === "none" ? [] : [["alpha", "straight"]]);
+  return new Picture(await encoded.blob(), each.title, { sample: name });
 }

@@ -38,7 +38,7 @@ export function price({ choose, measure, opacity }) {
       fill(plotted);
       fill(walk);
       words.textContent = inUse
-        ? `There is one way to compute this, ${named(inUse)}: an error of ${short(inUse.error)} at most, in ${milliseconds(inUse.ms)}. Nothing to trade.`
+        ? `There is one way to compute this, ${named(inUse)}: ${inUse.error ? `an error of ${short(inUse.error)} at most` : "without any error"}, in ${milliseconds(inUse.ms)}. Nothing to trade.`
         : "No setting can be judged for this picture.";
       return;
     }
@@ -95,6 +95,11 @@ export function price({ choose, measure, opacity }) {
         [["largest", found.largest], ["99.9 %", found.p999], ["RMS", found.rms]].map(([name, value]) => h("div", h("dt", name), h("dd", h("b", short(value)))))),
       scale ? colourBar(scale, opacity) : null,
       found.sampled < 1 ? h("p", { class: "muted" }, `Compared on ${short(found.sampled * 100)} % of the pixels.`) : null);
+    },
+    // Another operation: nothing is known yet.
+    clear() {
+      for (const each of [plotted, words, walk, corpus]) fill(each);
+      element.classList.remove("untraded");
     },
     reset(on) {
       verify.checked = on;

@@ -114,6 +114,8 @@ class Try {
     this.#verify = false;
     this.#floats = false;
     this.price.reset(false);
+    this.price.clear();
+    fill(this.trouble);
     this.stage.show({ result: null, input: null, overlay: null, floats: null, inputFloats: null });
     fill(this.account);
     fill(this.found);
@@ -242,7 +244,7 @@ class Try {
 
   async #explain(order) {
     try {
-      const plan = await explain(order);
+      const plan = await explain(order, { floats: this.#floats });
       if (order !== this.#order) return;
       this.#plan = plan;
       this.price.show(plan, order, this.used);
