@@ -53,7 +53,9 @@ function theme() {
     button.setAttribute("aria-label", wanted === "dark" ? "switch to light" : "switch to dark");
   };
   set(localStorage.getItem(THEME) ?? (dark.matches ? "dark" : "light"));
-  dark.addEventListener("change", () => { if (!localStorage.getItem(THEME)) set(dark.matches ? "dark" : "light"); });
+  dark.addEventListener("change", () => {
+    if (!localStorage.getItem(THEME)) set(dark.matches ? "dark" : "light");
+  });
   fill(button, icon("sun"));
   button.addEventListener("click", () => {
     const wanted = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
@@ -66,7 +68,12 @@ function door() {
   const dialog = document.getElementById("key");
   const field = document.getElementById("key-field");
   let asked = false;
-  events.addEventListener("key", () => { if (!dialog.open && !asked) { asked = true; dialog.showModal(); } });
+  events.addEventListener("key", () => {
+    if (!dialog.open && !asked) {
+      asked = true;
+      dialog.showModal();
+    }
+  });
   dialog.addEventListener("close", () => {
     asked = false;
     if (dialog.returnValue !== "use" || !field.value) return;
@@ -81,10 +88,18 @@ function door() {
 }
 
 const away = document.getElementById("away");
-events.addEventListener("lost", () => { away.hidden = false; });
-events.addEventListener("found", () => { away.hidden = true; retry(); });
+events.addEventListener("lost", () => {
+  away.hidden = false;
+});
+events.addEventListener("found", () => {
+  away.hidden = true;
+  retry();
+});
 addEventListener("hashchange", show);
-document.querySelector(".skip").addEventListener("click", (event) => { event.preventDefault(); root.focus(); });
+document.querySelector(".skip").addEventListener("click", (event) => {
+  event.preventDefault();
+  root.focus();
+});
 theme();
 door();
 show();

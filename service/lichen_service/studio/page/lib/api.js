@@ -32,7 +32,10 @@ export async function request(method, path, { query = [], body, headers = {}, si
   let response;
   try {
     response = await fetch(asked.path, {
-      method, body, signal, headers: { ...headers, ...(token ? { Authorization: `Bearer ${token}` } : {}) },
+      method,
+      body,
+      signal,
+      headers: { ...headers, ...(token ? { Authorization: `Bearer ${token}` } : {}) },
     });
   } catch (failure) {
     if (failure.name === "AbortError") throw failure;
@@ -71,7 +74,9 @@ function lose() {
 async function ask() {
   try {
     if ((await fetch("/livez", { cache: "no-store" })).ok) return find();
-  } catch { /* still away */ }
+  } catch {
+    /* still away */
+  }
   if (lost) setTimeout(ask, 800);
 }
 function find() {
@@ -82,6 +87,9 @@ function find() {
 
 // What Server-Timing says: [[name, milliseconds]].
 export function stages(header) {
-  return (header ?? "").split(",").map((each) => /([^;\s]+);dur=([\d.]+)/.exec(each)).filter(Boolean)
+  return (header ?? "")
+    .split(",")
+    .map((each) => /([^;\s]+);dur=([\d.]+)/.exec(each))
+    .filter(Boolean)
     .map(([, name, time]) => [name, Number(time)]);
 }

@@ -40,7 +40,11 @@ export const unique = (stem) => `${stem}-${(count += 1)}`;
 
 // A mark from the page's own set, drawn with strokes; says nothing to a screen reader.
 export function icon(name) {
-  return s("svg", { class: "icon", "aria-hidden": "true", viewBox: "0 0 24 24" }, ICONS[name].map((d) => s("path", { d })));
+  return s(
+    "svg",
+    { class: "icon", "aria-hidden": "true", viewBox: "0 0 24 24" },
+    ICONS[name].map((d) => s("path", { d })),
+  );
 }
 
 const ICONS = {
@@ -53,7 +57,17 @@ const ICONS = {
   fit: ["M4 9V4h5", "M20 9V4h-5", "M4 15v5h5", "M20 15v5h-5"],
   reset: ["M4 4v6h6", "M5 14a8 8 0 1 0 2-8l-3 4"],
   menu: ["M4 6h16", "M4 12h16", "M4 18h16"],
-  sun: ["M12 8a4 4 0 1 0 0 8a4 4 0 0 0 0-8z", "M12 2v2", "M12 20v2", "M2 12h2", "M20 12h2", "M5 5l1.5 1.5", "M17.5 17.5L19 19", "M5 19l1.5-1.5", "M17.5 6.5L19 5"],
+  sun: [
+    "M12 8a4 4 0 1 0 0 8a4 4 0 0 0 0-8z",
+    "M12 2v2",
+    "M12 20v2",
+    "M2 12h2",
+    "M20 12h2",
+    "M5 5l1.5 1.5",
+    "M17.5 17.5L19 19",
+    "M5 19l1.5-1.5",
+    "M17.5 6.5L19 5",
+  ],
   upload: ["M12 16V5", "M7 9l5-5l5 5", "M5 20h14"],
   check: ["M5 13l4 4L19 7"],
   cross: ["M6 6l12 12", "M18 6L6 18"],

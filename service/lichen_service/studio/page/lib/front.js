@@ -8,9 +8,14 @@ export function settings(node, used = node) {
   const close = (a, b) => (a ?? 0) === (b ?? 0) || Math.abs(a / b - 1) < 1e-4; // headers hold six digits
   return (node?.alternatives ?? []).map((each) => ({
     id: `${each.method}/${each.knob ?? ""}`,
-    method: each.method, knob: each.knob, typical: each.typical, ms: each.milliseconds,
-    stated: each.result_error?.value, kind: each.result_error?.kind, // of the whole result, conversions before and after included
-    verdict: each.verdict, unfit: each.verdict.startsWith("not possible"),
+    method: each.method,
+    knob: each.knob,
+    typical: each.typical,
+    ms: each.milliseconds,
+    stated: each.result_error?.value,
+    kind: each.result_error?.kind, // of the whole result, conversions before and after included
+    verdict: each.verdict,
+    unfit: each.verdict.startsWith("not possible"),
     chosen: each.method === used.method && close(each.knob, used.knob),
   }));
 }
@@ -27,7 +32,8 @@ export function ranking(all) {
 // The settings with `error` by that ranking, and whether nothing is both faster and as accurate.
 export function judged(all) {
   const by = ranking(all);
-  const fit = all.filter((each) => !each.unfit && Number.isFinite(each[by]) && each[by] !== null && each.ms > 0)
+  const fit = all
+    .filter((each) => !each.unfit && Number.isFinite(each[by]) && each[by] !== null && each.ms > 0)
     .map((each) => ({ ...each, error: each[by] }));
   let best = Infinity;
   for (const each of [...fit].sort((a, b) => a.ms - b.ms || a.error - b.error)) {
@@ -39,7 +45,8 @@ export function judged(all) {
 
 export const front = (points) => points.filter((each) => each.front).sort((a, b) => a.ms - b.ms);
 
-export const named = ({ method, knob }) => (knob === null || knob === undefined ? method : `${method} at ${setting(knob)}`);
+export const named = ({ method, knob }) =>
+  knob === null || knob === undefined ? method : `${method} at ${setting(knob)}`;
 
 // A knob's value as its author wrote it: 1e-4, 0.25, 4096.
 export const setting = (knob) => (Math.abs(knob) >= 0.1 ? String(Number(knob.toPrecision(6))) : short(knob));
@@ -52,7 +59,13 @@ export function tenfold(points, inUse) {
   if (!better) {
     const best = front(points).at(-1);
     if (!best || best.error >= inUse.error * 0.99) return { text: "No setting is more accurate than the one in use." };
-    return { text: `No setting is ten times as accurate; the best, ${named(best)}, comes to ${short(best.error)} for ${more(best.ms / inUse.ms)}.`, point: best };
+    return {
+      text: `No setting is ten times as accurate; the best, ${named(best)}, comes to ${short(best.error)} for ${more(best.ms / inUse.ms)}.`,
+      point: best,
+    };
   }
-  return { text: `An error ten times smaller costs ${more(better.ms / inUse.ms)}: ${milliseconds(better.ms)} by ${named(better)}.`, point: better };
+  return {
+    text: `An error ten times smaller costs ${more(better.ms / inUse.ms)}: ${milliseconds(better.ms)} by ${named(better)}.`,
+    point: better,
+  };
 }

@@ -13,7 +13,11 @@ export function read(buffer) {
   const start = wide ? 12 : 10;
   const header = new TextDecoder().decode(new Uint8Array(buffer, start, length));
   const descr = /'descr':\s*'([^']+)'/.exec(header)[1];
-  const shape = /'shape':\s*\(([^)]*)\)/.exec(header)[1].split(",").filter((each) => each.trim()).map(Number);
+  const shape = /'shape':\s*\(([^)]*)\)/
+    .exec(header)[1]
+    .split(",")
+    .filter((each) => each.trim())
+    .map(Number);
   if (/'fortran_order':\s*True/.test(header)) throw new Error("Columns first is not read here.");
   const [height, width, channels] = [shape[0], shape[1] ?? 1, shape[2] ?? 1];
   const data = samples(buffer.slice(start + length), descr);

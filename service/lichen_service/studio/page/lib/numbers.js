@@ -7,7 +7,10 @@ export function short(value, digits = 3) {
   if (value === 0) return "0";
   const size = Math.abs(value);
   if (size >= 0.001 && size < 1e5) return String(Number(value.toPrecision(digits)));
-  return value.toExponential(digits - 1).replace(/\.?0+e/, "e").replace("e+", "e");
+  return value
+    .toExponential(digits - 1)
+    .replace(/\.?0+e/, "e")
+    .replace("e+", "e");
 }
 
 export const milliseconds = (value) => (value >= 1000 ? `${short(value / 1000)} s` : `${short(value)} ms`);
@@ -27,7 +30,12 @@ export function more(ratio) {
 }
 
 // A sample of an image, in as many digits as a float32 of its size can show.
-export const sample = (value) => (Number.isFinite(value) ? (Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-4) ? value.toExponential(4) : value.toFixed(5)) : short(value));
+export const sample = (value) =>
+  Number.isFinite(value)
+    ? Math.abs(value) >= 1e5 || (value !== 0 && Math.abs(value) < 1e-4)
+      ? value.toExponential(4)
+      : value.toFixed(5)
+    : short(value);
 
 // Powers of ten, and where they are few also 2 and 5 times them, from `low` to `high`: where a logarithmic axis has marks.
 export function decades(low, high) {

@@ -25,9 +25,12 @@ export class Order {
   query(further = {}) {
     const required = new Set(this.described.parameters.required ?? []);
     const values = Object.entries(this.values).filter(
-      ([name, value]) => value !== undefined && value !== null && (required.has(name) || !same(value, this.properties[name]?.default)),
+      ([name, value]) =>
+        value !== undefined && value !== null && (required.has(name) || !same(value, this.properties[name]?.default)),
     );
-    const wishes = Object.entries({ ...this.wishes, ...further }).filter(([, value]) => value !== undefined && value !== null && value !== "");
+    const wishes = Object.entries({ ...this.wishes, ...further }).filter(
+      ([, value]) => value !== undefined && value !== null && value !== "",
+    );
     return [...values, ...wishes].map(([name, value]) => [name, asText(value)]);
   }
 
@@ -55,9 +58,17 @@ export class Order {
   }
 }
 
-const ENDINGS = { "image/png": "png", "image/jpeg": "jpg", "image/webp": "webp", "image/tiff": "tif", "image/x-exr": "exr", "application/x-npy": "npy" };
+const ENDINGS = {
+  "image/png": "png",
+  "image/jpeg": "jpg",
+  "image/webp": "webp",
+  "image/tiff": "tif",
+  "image/x-exr": "exr",
+  "application/x-npy": "npy",
+};
 
-export const fileName = (name, picture) => picture.file ?? `${picture.sample ?? name}.${ENDINGS[picture.blob.type] ?? "bin"}`;
+export const fileName = (name, picture) =>
+  picture.file ?? `${picture.sample ?? name}.${ENDINGS[picture.blob.type] ?? "bin"}`;
 
 const quoted = (text) => `'${text.replaceAll("'", "'\\''")}'`;
 
@@ -66,19 +77,22 @@ export function asCurl(order, origin, format) {
   const given = Object.entries(order.inputs).filter(([, picture]) => picture);
   const alone = given.length === 1 && given[0][0] === order.described.inputs[0].name;
   const files = given.map(([name, picture]) =>
-    alone ? `--data-binary @${fileName(name, picture)}` : `-F ${quoted(`${name}=@${fileName(name, picture)}`)}`);
+    alone ? `--data-binary @${fileName(name, picture)}` : `-F ${quoted(`${name}=@${fileName(name, picture)}`)}`,
+  );
   return [`curl ${quoted(`${origin}${order.path}?${query}`)}`, ...files, `-o result.${format}`].join(" \\\n  ");
 }
 
 const python = (value) =>
-  JSON.stringify(value, (_, each) => (each === null ? "\0None" : each === true ? "\0True" : each === false ? "\0False" : each))
-    .replace(/"\\u0000(None|True|False)"/g, "$1");
+  JSON.stringify(value, (_, each) =>
+    each === null ? "\0None" : each === true ? "\0True" : each === false ? "\0False" : each,
+  ).replace(/"\\u0000(None|True|False)"/g, "$1");
 
 export function asPython(order, origin) {
   const given = Object.entries(order.inputs).filter(([, picture]) => picture);
   const first = given[0]?.[0] === order.described.inputs[0]?.name ? given.shift() : undefined;
   const values = [...Object.entries(order.values), ...Object.entries(order.wishes)]
-    .filter(([, value]) => value !== undefined && value !== null).map(([name, value]) => `${name}=${python(value)}`);
+    .filter(([, value]) => value !== undefined && value !== null)
+    .map(([name, value]) => `${name}=${python(value)}`);
   const said = [
     python(order.name),
     ...(first ? [python(fileName(...first))] : []),

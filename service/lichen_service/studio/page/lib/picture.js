@@ -19,19 +19,30 @@ export class Picture {
 
   // { data, width, height, channels, space, alpha }: the service decodes what is no NPY yet.
   floats() {
-    this.#floats ??= this.#read().catch((failure) => { this.#floats = undefined; throw failure; });
+    this.#floats ??= this.#read().catch((failure) => {
+      this.#floats = undefined;
+      throw failure;
+    });
     return this.#floats;
   }
 
   // { bitmap, width, height, range }
   look() {
-    this.#look ??= this.#seen().catch((failure) => { this.#look = undefined; throw failure; });
+    this.#look ??= this.#seen().catch((failure) => {
+      this.#look = undefined;
+      throw failure;
+    });
     return this.#look;
   }
 
   async #read() {
-    if (this.blob.type === "application/x-npy" && this.facts) return { ...read(await this.blob.arrayBuffer()), ...this.facts };
-    const response = await request("POST", "/v1/operations/arrange", { query: [["format", "npy"]], body: this.blob, quiet: true });
+    if (this.blob.type === "application/x-npy" && this.facts)
+      return { ...read(await this.blob.arrayBuffer()), ...this.facts };
+    const response = await request("POST", "/v1/operations/arrange", {
+      query: [["format", "npy"]],
+      body: this.blob,
+      quiet: true,
+    });
     const facts = factsOf(response);
     this.facts ??= facts;
     return { ...read(await response.arrayBuffer()), ...facts };

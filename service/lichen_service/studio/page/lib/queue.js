@@ -36,19 +36,29 @@ export class Queue {
 export function loaded(image, address) {
   return new Promise((done) => {
     image.addEventListener("load", done, { once: true });
-    image.addEventListener("error", () => { image.hidden = true; done(); }, { once: true });
+    image.addEventListener(
+      "error",
+      () => {
+        image.hidden = true;
+        done();
+      },
+      { once: true },
+    );
     image.src = address;
   });
 }
 
 // Calls `act` once for each element when it comes near to what is seen of `root`.
 export function seen(root, act) {
-  const watcher = new IntersectionObserver((entries) => {
-    for (const { isIntersecting, target } of entries) {
-      if (!isIntersecting) continue;
-      watcher.unobserve(target);
-      act(target);
-    }
-  }, { root, rootMargin: "200px" });
+  const watcher = new IntersectionObserver(
+    (entries) => {
+      for (const { isIntersecting, target } of entries) {
+        if (!isIntersecting) continue;
+        watcher.unobserve(target);
+        act(target);
+      }
+    },
+    { root, rootMargin: "200px" },
+  );
   return watcher;
 }

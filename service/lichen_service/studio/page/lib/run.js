@@ -14,19 +14,30 @@ export async function run(order, { signal, preview = null, verify = false, float
   const query = preview ? order.copy({ wishes: preview }).query() : order.query(verify ? { verify: true } : {});
   const began = performance.now();
   const response = await request("POST", order.path, {
-    query, signal, body: order.body(), headers: { Accept: several ? `multipart/mixed, ${format}` : format },
+    query,
+    signal,
+    body: order.body(),
+    headers: { Accept: several ? `multipart/mixed, ${format}` : format },
   });
   const buffer = await response.arrayBuffer();
   const took = performance.now() - began;
   const type = response.headers.get("Content-Type");
-  const all = type.startsWith("multipart/") ? parts(type, buffer) : [{ headers: new Map([["content-type", type]]), body: buffer }];
+  const all = type.startsWith("multipart/")
+    ? parts(type, buffer)
+    : [{ headers: new Map([["content-type", type]]), body: buffer }];
   const typed = (wanted) => all.slice(1).find((each) => each.headers.get("content-type").startsWith(wanted));
   const map = all.find((each) => each.headers.has("lichen-map"));
   const found = typed("application/json");
   const facts = factsOf(response);
-  const picture = new Picture(new Blob([all[0].body], { type: all[0].headers.get("content-type") }), "result", { facts });
+  const picture = new Picture(new Blob([all[0].body], { type: all[0].headers.get("content-type") }), "result", {
+    facts,
+  });
   return {
-    picture, facts, took, headers: response.headers, preview: Boolean(preview),
+    picture,
+    facts,
+    took,
+    headers: response.headers,
+    preview: Boolean(preview),
     look: await looked(order, picture, response.headers, facts, { signal, preview, floats }),
     findings: found ? JSON.parse(new TextDecoder().decode(found.body)) : null,
     map: map && !floats ? await createImageBitmap(new Blob([map.body], { type: "image/png" }), BITMAP) : null,
@@ -46,7 +57,10 @@ async function looked(order, picture, headers, facts, { signal, preview, floats 
 export async function asFloats(order, { signal, preview } = {}) {
   const asked = preview ? order.copy({ wishes: preview }) : order;
   const response = await request("POST", order.path, {
-    query: [...asked.query(), ["format", "npy"]], signal, body: order.body(), quiet: true,
+    query: [...asked.query(), ["format", "npy"]],
+    signal,
+    body: order.body(),
+    quiet: true,
   });
   return new Picture(await response.blob(), "result", { facts: factsOf(response) });
 }
@@ -56,7 +70,9 @@ export async function explain(order, { floats = false } = {}) {
   const named = new Set(["method", ...order.described.methods.map((each) => each.knob?.name)]);
   const wishes = Object.fromEntries(Object.entries(order.wishes).filter(([name]) => !named.has(name)));
   const response = await request("POST", order.path, {
-    query: order.copy({ wishes }).query({ explain: true }), body: order.body(), quiet: true,
+    query: order.copy({ wishes }).query({ explain: true }),
+    body: order.body(),
+    quiet: true,
     headers: { Accept: floats ? "application/x-npy" : "image/png" }, // as the run itself: the format decides what is seen
   });
   return response.json();

@@ -39,7 +39,8 @@ function range(schema) {
 
 function many(schema, value) {
   const flat = (list) => Array.isArray(list) && list.every((each) => typeof each === "number");
-  const fixed = schema.prefixItems?.length ?? (schema.minItems && schema.minItems === schema.maxItems ? schema.minItems : 0);
+  const fixed =
+    schema.prefixItems?.length ?? (schema.minItems && schema.minItems === schema.maxItems ? schema.minItems : 0);
   const first = schema.prefixItems?.[0] ?? schema.items;
   const scalar = first && (first.type === "number" || first.type === "integer");
   if (flat(value) && value.length <= 8 && value.length > 0) return { kind: "vector", length: value.length };
@@ -53,7 +54,10 @@ function many(schema, value) {
   return { kind: "json" };
 }
 
-const ascending = (points) => points.length >= 2 && points.every(([x], i) => i === 0 || x > points[i - 1][0]) && points.every((each) => each.every((c) => c >= 0 && c <= 1));
+const ascending = (points) =>
+  points.length >= 2 &&
+  points.every(([x], i) => i === 0 || x > points[i - 1][0]) &&
+  points.every((each) => each.every((c) => c >= 0 && c <= 1));
 
 // A value as the query of a URL has it: text plain, everything else as JSON.
 export const asText = (value) => (typeof value === "string" ? value : JSON.stringify(value));

@@ -64,7 +64,7 @@ function spoilt(data, from, colours, out, i) {
   let infinite = false;
   for (let c = 0; c < colours; c += 1) {
     const value = data[from + c];
-    if (Number.isNaN(value)) return [out[i], out[i + 1], out[i + 2], out[i + 3]] = [255, 0, 255, 255];
+    if (Number.isNaN(value)) return ([out[i], out[i + 1], out[i + 2], out[i + 3]] = [255, 0, 255, 255]);
     if (!Number.isFinite(value)) infinite = true;
   }
   if (infinite) [out[i], out[i + 1], out[i + 2], out[i + 3]] = [0, 255, 255, 255];

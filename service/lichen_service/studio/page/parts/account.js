@@ -22,8 +22,9 @@ export function measuredOf(headers) {
 // [{ pass, node, reason, bound }] from Lichen-Skipped.
 export function skippedOf(headers) {
   const text = headers.get("Lichen-Skipped") ?? "";
-  return [...text.matchAll(/([\w.-]+);node="((?:[^"\\]|\\.)*)";reason="((?:[^"\\]|\\.)*)";bound=([^,\s]+)/g)]
-    .map(([, pass, node, reason, bound]) => ({ pass, node, reason: reason.replaceAll("\\", ""), bound: Number(bound) }));
+  return [...text.matchAll(/([\w.-]+);node="((?:[^"\\]|\\.)*)";reason="((?:[^"\\]|\\.)*)";bound=([^,\s]+)/g)].map(
+    ([, pass, node, reason, bound]) => ({ pass, node, reason: reason.replaceAll("\\", ""), bound: Number(bound) }),
+  );
 }
 
 const KINDS = { bound: "at most, proved", estimate: "at most, as found on a corpus", measured: "as measured" };
@@ -38,10 +39,19 @@ export function account(headers, took) {
     error && ["error", h("span", { title: KINDS[error.kind] }, h("b", short(error.value)), ` ${error.kind}`)],
     nonfinite && ["not finite", `${nonfinite} samples`],
   ].filter(Boolean);
-  return h("div", { class: "account" },
-    h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", h("dt", name), h("dd", value)))),
+  return h(
+    "div",
+    { class: "account" },
+    h(
+      "dl",
+      { class: "facts" },
+      facts.map(([name, value]) => h("div", h("dt", name), h("dd", value))),
+    ),
     timeline(headers.get("Server-Timing"), took),
-    skipped.length ? h("p", { class: "skipped" }, `Left out: ${skipped.map((each) => `${each.node} (${each.reason})`).join("; ")}.`) : null);
+    skipped.length
+      ? h("p", { class: "skipped" }, `Left out: ${skipped.map((each) => `${each.node} (${each.reason})`).join("; ")}.`)
+      : null,
+  );
 }
 
 const COLOURED = new Set(["queue", "decode", "plan", "upload", "kernel", "download", "encode"]);
@@ -52,14 +62,39 @@ export function timeline(header, took) {
   const all = stages(header);
   const total = all.find(([name]) => name === "total")?.[1] ?? 0;
   const parts = all.filter(([name, time]) => name !== "total" && !name.startsWith("kernel.") && time > 0); // those are parts of kernel
-  const sum = Math.max(total, parts.reduce((before, [, time]) => before + time, 0)) || 1;
-  const bar = h("div", { class: "timeline", role: "img", "aria-label": parts.map(([name, time]) => `${name} ${milliseconds(time)}`).join(", ") },
+  const sum =
+    Math.max(
+      total,
+      parts.reduce((before, [, time]) => before + time, 0),
+    ) || 1;
+  const bar = h(
+    "div",
+    {
+      class: "timeline",
+      role: "img",
+      "aria-label": parts.map(([name, time]) => `${name} ${milliseconds(time)}`).join(", "),
+    },
     parts.map(([name, time]) => {
       const piece = h("span", { class: `stage-part ${part(name)}`, title: `${name} ${milliseconds(time)}` });
       piece.style.setProperty("flex-grow", time / sum);
       return piece;
-    }));
+    }),
+  );
   const longest = [...parts].sort((a, b) => b[1] - a[1]).slice(0, 3);
-  const words = longest.map(([name, time]) => h("span", h("i", { class: `dot ${part(name)}` }), `${name} ${milliseconds(time)}`));
-  return h("div", { class: "time" }, bar, h("p", { class: "time-words" }, h("b", milliseconds(total)), words, parts.some(([name]) => name === "kernel") ? null : h("span", { class: "muted" }, "kept from an earlier run"), took ? h("span", { class: "muted" }, `here ${milliseconds(took)}`) : null));
+  const words = longest.map(([name, time]) =>
+    h("span", h("i", { class: `dot ${part(name)}` }), `${name} ${milliseconds(time)}`),
+  );
+  return h(
+    "div",
+    { class: "time" },
+    bar,
+    h(
+      "p",
+      { class: "time-words" },
+      h("b", milliseconds(total)),
+      words,
+      parts.some(([name]) => name === "kernel") ? null : h("span", { class: "muted" }, "kept from an earlier run"),
+      took ? h("span", { class: "muted" }, `here ${milliseconds(took)}`) : null,
+    ),
+  );
 }

@@ -14,10 +14,23 @@ const KINDS = { number, switch: toggle, choice, vector, matrix, text, curve };
 // A slider and a field. The slider covers what is usual; the field takes all that is allowed.
 function number(kind, { label, id, value, changed }) {
   const scale = scaleOf(kind, value);
-  const field = h("input", { id, class: "number", type: "number", step: kind.integer ? 1 : "any", inputmode: "decimal" });
+  const field = h("input", {
+    id,
+    class: "number",
+    type: "number",
+    step: kind.integer ? 1 : "any",
+    inputmode: "decimal",
+  });
   if (Number.isFinite(kind.low) && !kind.open) field.min = kind.low;
   if (Number.isFinite(kind.high)) field.max = kind.high;
-  const slider = h("input", { type: "range", class: "slider", min: 0, max: 1000, step: 1, "aria-label": `${label}, slider` });
+  const slider = h("input", {
+    type: "range",
+    class: "slider",
+    min: 0,
+    max: 1000,
+    step: 1,
+    "aria-label": `${label}, slider`,
+  });
   const show = (now) => {
     const place = scale.place(now ?? scale.low) * 1000;
     slider.value = place;
@@ -42,7 +55,10 @@ function number(kind, { label, id, value, changed }) {
     show(now);
   };
   set(value);
-  return { element: h("div", { class: "row-number" }, slider, field, h("span", { class: "unit" }, kind.unit ?? "")), set };
+  return {
+    element: h("div", { class: "row-number" }, slider, field, h("span", { class: "unit" }, kind.unit ?? "")),
+    set,
+  };
 }
 
 // Where a value lies on the slider, 0 to 1, and back. Ranges too wide for a hand end where values become unusual, and give
@@ -64,8 +80,16 @@ function scaleOf({ low, high, integer, open }, value = 0) {
 }
 
 function toggle(kind, { id, value, changed }) {
-  const box = h("input", { id, type: "checkbox", class: "switch", role: "switch", onchange: () => changed(box.checked, false) });
-  const set = (now) => { box.checked = Boolean(now); };
+  const box = h("input", {
+    id,
+    type: "checkbox",
+    class: "switch",
+    role: "switch",
+    onchange: () => changed(box.checked, false),
+  });
+  const set = (now) => {
+    box.checked = Boolean(now);
+  };
   set(value);
   return { element: box, set };
 }
@@ -77,9 +101,14 @@ function choice(kind, { id, label, value, changed }) {
 }
 
 function menu(kind, { id, value, changed }) {
-  const field = h("select", { id, onchange: () => changed(kind.choices[field.selectedIndex], false) },
-    kind.choices.map((each) => h("option", String(each))));
-  const set = (now) => { field.selectedIndex = kind.choices.indexOf(now); };
+  const field = h(
+    "select",
+    { id, onchange: () => changed(kind.choices[field.selectedIndex], false) },
+    kind.choices.map((each) => h("option", String(each))),
+  );
+  const set = (now) => {
+    field.selectedIndex = kind.choices.indexOf(now);
+  };
   set(value);
   return { element: field, set };
 }
@@ -87,43 +116,77 @@ function menu(kind, { id, value, changed }) {
 // A few choices beside one another.
 export function segments({ choices, titles = {} }, { label, value, changed }) {
   const name = unique("choice");
-  const boxes = choices.map((each) => h("input", { type: "radio", name, value: each, onchange: () => changed(each, false) }));
-  const element = h("div", { class: "segments", role: "radiogroup", "aria-label": label },
-    choices.map((each, i) => h("label", boxes[i], h("span", titles[each] ?? String(each)))));
-  const set = (now) => boxes.forEach((box, i) => { box.checked = choices[i] === now; });
+  const boxes = choices.map((each) =>
+    h("input", { type: "radio", name, value: each, onchange: () => changed(each, false) }),
+  );
+  const element = h(
+    "div",
+    { class: "segments", role: "radiogroup", "aria-label": label },
+    choices.map((each, i) => h("label", boxes[i], h("span", titles[each] ?? String(each)))),
+  );
+  const set = (now) =>
+    boxes.forEach((box, i) => {
+      box.checked = choices[i] === now;
+    });
   set(value);
   return { element, set, group: true };
 }
 
 function vector(kind, about) {
-  return grid([1, kind.length], about, (rows) => rows[0], (value) => [value ?? Array(kind.length).fill(0)]);
+  return grid(
+    [1, kind.length],
+    about,
+    (rows) => rows[0],
+    (value) => [value ?? Array(kind.length).fill(0)],
+  );
 }
 
 function matrix(kind, about) {
   const rows = about.value.length;
-  return grid([rows, about.value[0].length], about, (all) => all, (value) => value);
+  return grid(
+    [rows, about.value[0].length],
+    about,
+    (all) => all,
+    (value) => value,
+  );
 }
 
 function grid([rows, columns], { label, value, changed }, out, into) {
-  const cells = Array.from({ length: rows }, (_, row) => Array.from({ length: columns }, (_, column) =>
-    h("input", {
-      type: "number", step: "any", class: "cell", inputmode: "decimal",
-      "aria-label": rows === 1 ? `${label}, number ${column + 1}` : `${label}, row ${row + 1}, column ${column + 1}`,
-      onchange: () => changed(out(cells.map((line) => line.map((cell) => Number(cell.value)))), false),
-    })));
+  const cells = Array.from({ length: rows }, (_, row) =>
+    Array.from({ length: columns }, (_, column) =>
+      h("input", {
+        type: "number",
+        step: "any",
+        class: "cell",
+        inputmode: "decimal",
+        "aria-label": rows === 1 ? `${label}, number ${column + 1}` : `${label}, row ${row + 1}, column ${column + 1}`,
+        onchange: () => changed(out(cells.map((line) => line.map((cell) => Number(cell.value)))), false),
+      }),
+    ),
+  );
   const element = h("div", { class: "grid-cells", role: "group", "aria-label": label }, cells);
   element.style.setProperty("--columns", columns);
-  const set = (now) => into(now).forEach((line, row) => line.forEach((each, column) => {
-    if (cells[row]?.[column]) cells[row][column].value = each;
-  }));
+  const set = (now) =>
+    into(now).forEach((line, row) =>
+      line.forEach((each, column) => {
+        if (cells[row]?.[column]) cells[row][column].value = each;
+      }),
+    );
   set(value);
   return { element, set, group: true };
 }
 
 function text(kind, { id, value, changed }) {
-  const field = h(kind.long ? "textarea" : "input", { id, rows: kind.long ? 3 : undefined, spellcheck: "false", class: "wide" });
+  const field = h(kind.long ? "textarea" : "input", {
+    id,
+    rows: kind.long ? 3 : undefined,
+    spellcheck: "false",
+    class: "wide",
+  });
   field.addEventListener("change", () => changed(field.value, false));
-  const set = (now) => { field.value = now ?? ""; };
+  const set = (now) => {
+    field.value = now ?? "";
+  };
   set(value);
   return { element: field, set };
 }
@@ -141,7 +204,9 @@ function json(kind, { id, value, changed }) {
       field.reportValidity();
     }
   });
-  const set = (now) => { field.value = now === undefined || now === null ? "" : JSON.stringify(now); };
+  const set = (now) => {
+    field.value = now === undefined || now === null ? "" : JSON.stringify(now);
+  };
   set(value);
   return { element: field, set };
 }
@@ -151,7 +216,8 @@ function optional(inner, about) {
   const box = h("input", { type: "checkbox", "aria-label": `give ${about.label}` });
   const slot = h("div", { class: "optional-slot" });
   for (const field of [inner.element, ...inner.element.querySelectorAll("input, select, textarea")]) {
-    if (field.matches("input, select, textarea") && !field.hasAttribute("aria-label")) field.setAttribute("aria-label", about.label);
+    if (field.matches("input, select, textarea") && !field.hasAttribute("aria-label"))
+      field.setAttribute("aria-label", about.label);
   }
   const element = h("div", { class: "optional" }, box, slot);
   const show = (there) => {

@@ -6,20 +6,32 @@ const SIZE = 200;
 const GAP = 0.005;
 
 export function curve(kind, { label, value, changed }) {
-  let points = value ?? [[0, 0], [1, 1]];
+  let points = value ?? [
+    [0, 0],
+    [1, 1],
+  ];
   const line = s("polyline", { class: "curve-line" });
   const marks = s("g");
-  const area = s("svg", { class: "curve", viewBox: `-10 -10 ${SIZE + 20} ${SIZE + 20}`, role: "group", "aria-label": label },
+  const area = s(
+    "svg",
+    { class: "curve", viewBox: `-10 -10 ${SIZE + 20} ${SIZE + 20}`, role: "group", "aria-label": label },
     s("rect", { class: "curve-back", width: SIZE, height: SIZE }),
-    s("path", { class: "curve-grid", d: [1, 2, 3].map((i) => `M${(i * SIZE) / 4} 0V${SIZE}M0 ${(i * SIZE) / 4}H${SIZE}`).join("") }),
-    line, marks);
+    s("path", {
+      class: "curve-grid",
+      d: [1, 2, 3].map((i) => `M${(i * SIZE) / 4} 0V${SIZE}M0 ${(i * SIZE) / 4}H${SIZE}`).join(""),
+    }),
+    line,
+    marks,
+  );
 
   const place = ([x, y]) => [x * SIZE, (1 - y) * SIZE];
   const at = (event) => {
     const box = area.getBoundingClientRect();
     const unit = (SIZE + 20) / box.width;
     const [x, y] = [(event.clientX - box.left) * unit - 10, (event.clientY - box.top) * unit - 10];
-    return [Math.min(1, Math.max(0, x / SIZE)), Math.min(1, Math.max(0, 1 - y / SIZE))].map((each) => Number(each.toFixed(3)));
+    return [Math.min(1, Math.max(0, x / SIZE)), Math.min(1, Math.max(0, 1 - y / SIZE))].map((each) =>
+      Number(each.toFixed(3)),
+    );
   };
   const kept = (index, [x, y]) => {
     const low = index > 0 ? points[index - 1][0] + GAP : 0;
@@ -35,16 +47,31 @@ export function curve(kind, { label, value, changed }) {
   function draw() {
     line.setAttribute("points", points.map((each) => place(each).join(",")).join(" "));
     const focused = [...marks.children].indexOf(document.activeElement);
-    fill(marks, points.map((each, index) => mark(each, index)));
+    fill(
+      marks,
+      points.map((each, index) => mark(each, index)),
+    );
     if (focused >= 0) marks.children[Math.min(focused, points.length - 1)]?.focus();
   }
 
   function mark(each, index) {
     const [cx, cy] = place(each);
     return s("circle", {
-      class: "curve-point", cx, cy, r: 7, tabindex: 0, role: "slider", "aria-label": `point ${index + 1}`,
-      "aria-valuenow": each[1], "aria-valuemin": 0, "aria-valuemax": 1, "aria-valuetext": `${each[0]} becomes ${each[1]}`,
-      onpointerdown: (event) => { event.stopPropagation(); drag(event, index); },
+      class: "curve-point",
+      cx,
+      cy,
+      r: 7,
+      tabindex: 0,
+      role: "slider",
+      "aria-label": `point ${index + 1}`,
+      "aria-valuenow": each[1],
+      "aria-valuemin": 0,
+      "aria-valuemax": 1,
+      "aria-valuetext": `${each[0]} becomes ${each[1]}`,
+      onpointerdown: (event) => {
+        event.stopPropagation();
+        drag(event, index);
+      },
       onkeydown: (event) => press(event, index),
     });
   }
@@ -63,7 +90,12 @@ export function curve(kind, { label, value, changed }) {
   function press(event, index) {
     const step = event.shiftKey ? 0.1 : 0.01;
     const by = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] }[event.key];
-    if (by) move(index, points[index].map((each, i) => each + by[i]), false);
+    if (by)
+      move(
+        index,
+        points[index].map((each, i) => each + by[i]),
+        false,
+      );
     else if ((event.key === "Delete" || event.key === "Backspace") && points.length > 2) {
       points = points.filter((_, i) => i !== index);
       draw();
@@ -81,6 +113,9 @@ export function curve(kind, { label, value, changed }) {
     drag(event, index);
   });
   draw();
-  const set = (now) => { points = now ?? points; draw(); };
+  const set = (now) => {
+    points = now ?? points;
+    draw();
+  };
   return { element: h("div", { class: "curve-box" }, area), set, group: true };
 }

@@ -12,11 +12,25 @@ export function price({ choose, measure, opacity }) {
   const words = h("p", { class: "price-words" });
   const walk = h("div", { class: "walk" });
   const corpus = h("p", { class: "muted corpus" });
-  const verify = h("input", { type: "checkbox", class: "switch", role: "switch", id: "measure", onchange: () => measure(verify.checked) });
+  const verify = h("input", {
+    type: "checkbox",
+    class: "switch",
+    role: "switch",
+    id: "measure",
+    onchange: () => measure(verify.checked),
+  });
   const measured = h("div", { class: "measured" });
-  const element = h("section", { class: "price", "aria-labelledby": "price-title" },
-    h("h2", { id: "price-title" }, "What accuracy costs"), words, plotted, walk, corpus,
-    h("div", { class: "measure" }, verify, h("label", { for: "measure" }, "Measure the error on this picture")), measured);
+  const element = h(
+    "section",
+    { class: "price", "aria-labelledby": "price-title" },
+    h("h2", { id: "price-title" }, "What accuracy costs"),
+    words,
+    plotted,
+    walk,
+    corpus,
+    h("div", { class: "measure" }, verify, h("label", { for: "measure" }, "Measure the error on this picture")),
+    measured,
+  );
 
   // `plan` as the service explained it; `order` is what was asked, `used` the setting that ran.
   function show(plan, order, used) {
@@ -31,8 +45,14 @@ export function price({ choose, measure, opacity }) {
     const { by, points } = judged(settings(node, used));
     for (const each of points) each.by = by;
     const inUse = points.find((each) => each.chosen);
-    const knobs = Object.fromEntries(order.described.methods.filter((each) => each.knob).map((each) => [each.name, each.knob.name]));
-    const run = (point) => choose({ method: point.method, ...(point.knob !== null && knobs[point.method] ? { [knobs[point.method]]: point.knob } : {}) });
+    const knobs = Object.fromEntries(
+      order.described.methods.filter((each) => each.knob).map((each) => [each.name, each.knob.name]),
+    );
+    const run = (point) =>
+      choose({
+        method: point.method,
+        ...(point.knob !== null && knobs[point.method] ? { [knobs[point.method]]: point.knob } : {}),
+      });
     element.classList.toggle("untraded", points.length < 2);
     if (points.length < 2) {
       fill(plotted);
@@ -42,9 +62,18 @@ export function price({ choose, measure, opacity }) {
         : "No setting can be judged for this picture.";
       return;
     }
-    fill(plotted, points.length ? plot(points, { by, wanted: by === "stated" ? order.wishes.max_error : undefined, chosen: run }) : null);
+    fill(
+      plotted,
+      points.length
+        ? plot(points, { by, wanted: by === "stated" ? order.wishes.max_error : undefined, chosen: run })
+        : null,
+    );
     const said = tenfold(points, inUse);
-    fill(words, said ? said.text : "", said?.point ? h("button", { type: "button", class: "link", onclick: () => run(said.point) }, "Run it") : null);
+    fill(
+      words,
+      said ? said.text : "",
+      said?.point ? h("button", { type: "button", class: "link", onclick: () => run(said.point) }, "Run it") : null,
+    );
     stroll(points, inUse, by, order, run);
   }
 
@@ -52,13 +81,28 @@ export function price({ choose, measure, opacity }) {
   function stroll(points, inUse, by, order, run) {
     const along = front(points);
     const automatic = order.wishes.method === undefined && order.wishes.max_error === undefined;
-    const reset = h("button", { type: "button", class: "link", hidden: automatic, onclick: () => choose({}) }, "leave it to the service");
+    const reset = h(
+      "button",
+      { type: "button", class: "link", hidden: automatic, onclick: () => choose({}) },
+      "leave it to the service",
+    );
     if (along.length < 2) {
       fill(walk, automatic ? null : reset);
       return;
     }
-    const at = Math.max(0, along.findIndex((each) => each.error <= (inUse?.error ?? 0)));
-    const slider = h("input", { type: "range", min: 0, max: along.length - 1, step: 1, value: at, class: "slider", id: "max-error" });
+    const at = Math.max(
+      0,
+      along.findIndex((each) => each.error <= (inUse?.error ?? 0)),
+    );
+    const slider = h("input", {
+      type: "range",
+      min: 0,
+      max: along.length - 1,
+      step: 1,
+      value: at,
+      class: "slider",
+      id: "max-error",
+    });
     const text = h("output", { for: "max-error" });
     const tell = () => {
       const point = along[slider.value];
@@ -74,8 +118,18 @@ export function price({ choose, measure, opacity }) {
       else run(point);
     });
     tell();
-    fill(walk, h("div", { class: "walk-head" }, h("label", { for: "max-error" }, by === "typical" ? "accuracy" : "max_error"), text, reset), slider,
-      h("div", { class: "walk-ends" }, h("span", "fastest"), h("span", "most accurate")));
+    fill(
+      walk,
+      h(
+        "div",
+        { class: "walk-head" },
+        h("label", { for: "max-error" }, by === "typical" ? "accuracy" : "max_error"),
+        text,
+        reset,
+      ),
+      slider,
+      h("div", { class: "walk-ends" }, h("span", "fastest"), h("span", "most accurate")),
+    );
   }
 
   return {
@@ -83,18 +137,38 @@ export function price({ choose, measure, opacity }) {
     show,
     // What the corpus showed of the setting in use, from the service's report of this operation.
     about(report, used) {
-      const found = used && report?.settings.find((each) => each.method === used.method && (each.knob === used.knob || Math.abs(each.knob / used.knob - 1) < 1e-4));
-      fill(corpus, found && Number.isFinite(found.worst) && found.worst !== null
-        ? `On the corpus of test pictures ${named(found)} was off by ${short(found.worst)} at worst and ${short(found.typical)} as a rule (RMS). ${report.headline}`
-        : report?.headline ?? "");
+      const found =
+        used &&
+        report?.settings.find(
+          (each) =>
+            each.method === used.method && (each.knob === used.knob || Math.abs(each.knob / used.knob - 1) < 1e-4),
+        );
+      if (!report) return;
+      const words =
+        found && Number.isFinite(found.worst) && found.worst !== null
+          ? `On the corpus of test pictures ${named(found)} was off by ${short(found.worst)} at worst and ${short(found.typical)} as a rule (RMS). ${report.headline}`
+          : report.headline;
+      fill(corpus, words, " ", h("a", { href: `/v1/accuracy/${report.operation}.svg` }, "The whole report"));
     },
     measured(found, scale) {
       if (!found) return fill(measured);
       if (found.reason !== undefined) return fill(measured, h("p", `It cannot be measured: ${found.reason}.`));
-      return fill(measured, h("dl", { class: "facts" },
-        [["largest", found.largest], ["99.9 %", found.p999], ["RMS", found.rms]].map(([name, value]) => h("div", h("dt", name), h("dd", h("b", short(value)))))),
-      scale ? colourBar(scale, opacity) : null,
-      found.sampled < 1 ? h("p", { class: "muted" }, `Compared on ${short(found.sampled * 100)} % of the pixels.`) : null);
+      return fill(
+        measured,
+        h(
+          "dl",
+          { class: "facts" },
+          [
+            ["largest", found.largest],
+            ["99.9 %", found.p999],
+            ["RMS", found.rms],
+          ].map(([name, value]) => h("div", h("dt", name), h("dd", h("b", short(value))))),
+        ),
+        scale ? colourBar(scale, opacity) : null,
+        found.sampled < 1
+          ? h("p", { class: "muted" }, `Compared on ${short(found.sampled * 100)} % of the pixels.`)
+          : null,
+      );
     },
     // Another operation: nothing is known yet.
     clear() {
@@ -110,11 +184,22 @@ export function price({ choose, measure, opacity }) {
 
 // The scale of the map, and how strongly it lies over the picture.
 function colourBar({ low, high }, opacity) {
-  const slider = h("input", { type: "range", min: 0, max: 100, value: 85, class: "slider", id: "map-opacity", oninput: () => opacity(Number(slider.value) / 100) });
+  const slider = h("input", {
+    type: "range",
+    min: 0,
+    max: 100,
+    value: 85,
+    class: "slider",
+    id: "map-opacity",
+    oninput: () => opacity(Number(slider.value) / 100),
+  });
   slider.style.setProperty("--filled", "85%");
   slider.addEventListener("input", () => slider.style.setProperty("--filled", `${slider.value}%`));
-  return h("div", { class: "colour-bar" },
+  return h(
+    "div",
+    { class: "colour-bar" },
     h("div", { class: "bar", role: "img", "aria-label": `Errors from ${short(low)}, dark, to ${short(high)}, light` }),
     h("div", { class: "walk-ends" }, h("span", short(low)), h("span", "error of each pixel"), h("span", short(high))),
-    h("div", { class: "map-opacity" }, h("label", { for: "map-opacity" }, "map over the picture"), slider));
+    h("div", { class: "map-opacity" }, h("label", { for: "map-opacity" }, "map over the picture"), slider),
+  );
 }

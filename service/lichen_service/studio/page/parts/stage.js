@@ -11,19 +11,57 @@ const GRID = 12; // from here on pixels are outlined
 // `over` lies over the picture, at its top.
 export function stage({ probed, over = null }) {
   const canvas = h("canvas", { class: "stage-canvas", tabindex: 0, role: "img", "aria-label": "nothing yet" });
-  const swipe = h("input", { type: "range", min: 0, max: 1000, value: 500, class: "swipe", "aria-label": "line between input and result" });
+  const swipe = h("input", {
+    type: "range",
+    min: 0,
+    max: 1000,
+    value: 500,
+    class: "swipe",
+    "aria-label": "line between input and result",
+  });
   const readout = h("output", { class: "readout", "aria-live": "off" });
   const veil = h("div", { class: "stage-veil", role: "status", hidden: true });
   const zoomText = h("span", { class: "zoom-text" });
   const box = h("div", { class: "stage-box" }, canvas, swipe, veil, over);
   const state = {
-    result: null, input: null, overlay: null, opacity: 0.85, mode: "result", zoom: 0, x: 0.5, y: 0.5, probe: null, floats: null, inputFloats: null,
+    result: null,
+    input: null,
+    overlay: null,
+    opacity: 0.85,
+    mode: "result",
+    zoom: 0,
+    x: 0.5,
+    y: 0.5,
+    probe: null,
+    floats: null,
+    inputFloats: null,
   };
-  const modes = segments({ choices: ["result", "swipe", "both", "input"], titles: { both: "side by side" } },
-    { label: "What is shown", value: "result", changed: (mode) => { state.mode = mode; laid(); } });
-  const button = (name, label, act) => h("button", { type: "button", class: "tool", title: label, "aria-label": label, onclick: act }, icon(name));
-  const bar = h("div", { class: "stage-bar" }, modes.element, h("div", { class: "tools" },
-    button("minus", "zoom out", () => zoomBy(0.5)), zoomText, button("plus", "zoom in", () => zoomBy(2)), button("fit", "fit the picture", () => fit())));
+  const modes = segments(
+    { choices: ["result", "swipe", "both", "input"], titles: { both: "side by side" } },
+    {
+      label: "What is shown",
+      value: "result",
+      changed: (mode) => {
+        state.mode = mode;
+        laid();
+      },
+    },
+  );
+  const button = (name, label, act) =>
+    h("button", { type: "button", class: "tool", title: label, "aria-label": label, onclick: act }, icon(name));
+  const bar = h(
+    "div",
+    { class: "stage-bar" },
+    modes.element,
+    h(
+      "div",
+      { class: "tools" },
+      button("minus", "zoom out", () => zoomBy(0.5)),
+      zoomText,
+      button("plus", "zoom in", () => zoomBy(2)),
+      button("fit", "fit the picture", () => fit()),
+    ),
+  );
   const element = h("div", { class: "stage" }, bar, box, readout);
 
   const size = () => state.result ?? state.input ?? { width: 1, height: 1 };
@@ -43,7 +81,10 @@ export function stage({ probed, over = null }) {
   function draw() {
     if (waiting) return;
     waiting = true;
-    requestAnimationFrame(() => { waiting = false; paint(); });
+    requestAnimationFrame(() => {
+      waiting = false;
+      paint();
+    });
   }
 
   function paint() {
@@ -69,7 +110,7 @@ export function stage({ probed, over = null }) {
       clipped(pen, 0, line, tall, () => picture(pen, state.input, at, 0));
       clipped(pen, line, pane - line, tall, () => picture(pen, second, at, 0, true));
       handle(pen, line, tall);
-    } else picture(pen, state.mode === "input" ? state.input ?? second : second, at, 0, state.mode !== "input");
+    } else picture(pen, state.mode === "input" ? (state.input ?? second) : second, at, 0, state.mode !== "input");
     cross(pen, at);
   }
 
@@ -110,7 +151,8 @@ export function stage({ probed, over = null }) {
     pen.clip();
     pen.fillStyle = "#989d96";
     for (let y = Math.max(top, 0), row = 0; y < Math.min(top + height, box.clientHeight); y += 10, row += 1) {
-      for (let x = Math.max(left, 0) + (row % 2) * 10; x < Math.min(left + width, box.clientWidth); x += 20) pen.fillRect(x, y, 10, 10);
+      for (let x = Math.max(left, 0) + (row % 2) * 10; x < Math.min(left + width, box.clientWidth); x += 20)
+        pen.fillRect(x, y, 10, 10);
     }
     pen.restore();
   }
@@ -176,16 +218,30 @@ export function stage({ probed, over = null }) {
   }
 
   function tell() {
-    if (!state.probe) return fill(readout, h("span", { class: "muted" }, "Point at a pixel to read its samples; wheel or + and − to zoom."));
+    if (!state.probe)
+      return fill(
+        readout,
+        h("span", { class: "muted" }, "Point at a pixel to read its samples; wheel or + and − to zoom."),
+      );
     const { x, y } = state.probe;
-    return fill(readout, h("span", { class: "where" }, `x ${x}  y ${y}`), samples("result", state.floats, x, y), samples("input", state.inputFloats, x, y));
+    return fill(
+      readout,
+      h("span", { class: "where" }, `x ${x}  y ${y}`),
+      samples("result", state.floats, x, y),
+      samples("input", state.inputFloats, x, y),
+    );
   }
 
   function samples(name, floats, x, y) {
     if (!floats || x >= floats.width || y >= floats.height) return null;
     const from = (y * floats.width + x) * floats.channels;
     const values = [...floats.data.subarray(from, from + Math.min(floats.channels, 4))];
-    return h("span", { class: "samples" }, h("span", { class: "muted" }, name), values.map((each) => h("b", sample(each))));
+    return h(
+      "span",
+      { class: "samples" },
+      h("span", { class: "muted" }, name),
+      values.map((each) => h("b", sample(each))),
+    );
   }
 
   function zoomTo(wanted, event) {
@@ -202,16 +258,22 @@ export function stage({ probed, over = null }) {
     return draw();
   }
   const zoomBy = (factor, event) => zoomTo(scale() * factor, event);
-  const keep = () => { for (const axis of ["x", "y"]) state[axis] = Math.min(1, Math.max(0, state[axis])); };
+  const keep = () => {
+    for (const axis of ["x", "y"]) state[axis] = Math.min(1, Math.max(0, state[axis]));
+  };
   function fit() {
     Object.assign(state, { zoom: 0, x: 0.5, y: 0.5 });
     draw();
   }
 
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    zoomBy(2 ** (-event.deltaY / 240), event);
-  }, { passive: false });
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      zoomBy(2 ** (-event.deltaY / 240), event);
+    },
+    { passive: false },
+  );
   const pointers = new Map();
   canvas.addEventListener("pointerdown", (event) => {
     pointers.set(event.pointerId, event);
@@ -231,8 +293,11 @@ export function stage({ probed, over = null }) {
     }
     return probe(place(event));
   });
-  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => pointers.delete(event.pointerId));
-  canvas.addEventListener("pointerleave", (event) => { if (event.pointerType === "mouse") probe(null); });
+  for (const name of ["pointerup", "pointercancel"])
+    canvas.addEventListener(name, (event) => pointers.delete(event.pointerId));
+  canvas.addEventListener("pointerleave", (event) => {
+    if (event.pointerType === "mouse") probe(null);
+  });
 
   function pinch(before, event) {
     const other = [...pointers.entries()].find(([id]) => id !== event.pointerId)[1];
@@ -246,7 +311,10 @@ export function stage({ probed, over = null }) {
     if (by) {
       const { width, height } = size();
       const from = state.probe ?? { x: Math.floor(state.x * width), y: Math.floor(state.y * height) };
-      const to = { x: Math.min(width - 1, Math.max(0, from.x + by[0])), y: Math.min(height - 1, Math.max(0, from.y + by[1])) };
+      const to = {
+        x: Math.min(width - 1, Math.max(0, from.x + by[0])),
+        y: Math.min(height - 1, Math.max(0, from.y + by[1])),
+      };
       if (state.zoom > 0) Object.assign(state, { x: (to.x + 0.5) / width, y: (to.y + 0.5) / height });
       probe(to);
     } else if (event.key === "+" || event.key === "=") zoomBy(2);
@@ -275,8 +343,15 @@ export function stage({ probed, over = null }) {
       const now = size();
       if (before.width !== now.width || before.height !== now.height) fit();
       modes.element.classList.toggle("lonely", !state.input);
-      if (!state.input && state.mode !== "result") { state.mode = "result"; modes.set("result"); }
-      if ("result" in changes && state.result) canvas.setAttribute("aria-label", `Result, ${now.width} by ${now.height} pixels. Arrow keys read pixels, plus and minus zoom.`);
+      if (!state.input && state.mode !== "result") {
+        state.mode = "result";
+        modes.set("result");
+      }
+      if ("result" in changes && state.result)
+        canvas.setAttribute(
+          "aria-label",
+          `Result, ${now.width} by ${now.height} pixels. Arrow keys read pixels, plus and minus zoom.`,
+        );
       laid();
       tell();
     },
@@ -284,6 +359,8 @@ export function stage({ probed, over = null }) {
       fill(veil, content);
       veil.hidden = !content;
     },
-    busy(on) { box.classList.toggle("busy", on); },
+    busy(on) {
+      box.classList.toggle("busy", on);
+    },
   };
 }

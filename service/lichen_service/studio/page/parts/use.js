@@ -11,13 +11,46 @@ export function use({ formats, failed }) {
   let format = "png";
   const code = h("pre", { tabindex: 0, "aria-label": "the request as text" });
   const done = h("span", { class: "done", role: "status" });
-  const kinds = segments({ choices: ["curl", "python", "url"], titles: { curl: "curl", python: "Python", url: "URL" } },
-    { label: "Copy as", value: shown, changed: (kind) => { shown = kind; write(); } });
-  const menu = h("select", { "aria-label": "format of the file", onchange: () => { format = menu.value; write(); } }, formats.map((each) => h("option", { value: each.name }, each.name.toUpperCase())));
+  const kinds = segments(
+    { choices: ["curl", "python", "url"], titles: { curl: "curl", python: "Python", url: "URL" } },
+    {
+      label: "Copy as",
+      value: shown,
+      changed: (kind) => {
+        shown = kind;
+        write();
+      },
+    },
+  );
+  const menu = h(
+    "select",
+    {
+      "aria-label": "format of the file",
+      onchange: () => {
+        format = menu.value;
+        write();
+      },
+    },
+    formats.map((each) => h("option", { value: each.name }, each.name.toUpperCase())),
+  );
   const copy = h("button", { type: "button", class: "plain", onclick: copied }, icon("copy"), "Copy");
   const save = h("button", { type: "button", class: "plain", onclick: saved }, icon("download"), "Download");
-  const element = h("section", { class: "use", "aria-labelledby": "use-title" },
-    h("div", { class: "use-head" }, h("h2", { id: "use-title" }, "Use it"), kinds.element, copy, done, h("span", { class: "spring" }), menu, save), code);
+  const element = h(
+    "section",
+    { class: "use", "aria-labelledby": "use-title" },
+    h(
+      "div",
+      { class: "use-head" },
+      h("h2", { id: "use-title" }, "Use it"),
+      kinds.element,
+      copy,
+      done,
+      h("span", { class: "spring" }),
+      menu,
+      save,
+    ),
+    code,
+  );
 
   async function text() {
     if (shown === "curl") return asCurl(order, location.origin, format);
@@ -29,7 +62,10 @@ export function use({ formats, failed }) {
     const named = [];
     for (const [name, picture] of Object.entries(order.inputs)) {
       if (!picture) continue;
-      const response = await request("PUT", "/v1/assets", { body: picture.blob, headers: { "Content-Type": picture.blob.type || "application/octet-stream" } });
+      const response = await request("PUT", "/v1/assets", {
+        body: picture.blob,
+        headers: { "Content-Type": picture.blob.type || "application/octet-stream" },
+      });
       named.push([name, (await response.json()).id]);
     }
     const query = [...order.query(), ...named, ["format", format]];
@@ -57,12 +93,17 @@ export function use({ formats, failed }) {
       getSelection().selectAllChildren(code);
       done.textContent = "selected: press Ctrl+C";
     }
-    setTimeout(() => { done.textContent = ""; }, 2500);
+    setTimeout(() => {
+      done.textContent = "";
+    }, 2500);
   }
 
   async function saved() {
     try {
-      const response = await request("POST", order.path, { query: [...order.query(), ["format", format]], body: order.body() });
+      const response = await request("POST", order.path, {
+        query: [...order.query(), ["format", format]],
+        body: order.body(),
+      });
       const url = URL.createObjectURL(await response.blob());
       const link = h("a", { href: url, download: `${order.name}.${format}` });
       link.click();
@@ -72,5 +113,11 @@ export function use({ formats, failed }) {
     }
   }
 
-  return { element, show(now) { order = now; write(); } };
+  return {
+    element,
+    show(now) {
+      order = now;
+      write();
+    },
+  };
 }

@@ -3,10 +3,11 @@
 import { events, json, request, stages } from "../lib/api.js";
 import { fill, h } from "../lib/dom.js";
 import { milliseconds, short } from "../lib/numbers.js";
+import { read } from "../lib/npy.js";
 import { Picture, factsOf } from "../lib/picture.js";
 import { say } from "../lib/router.js";
 import { sample, showcase } from "../lib/samples.js";
-import { account } from "../parts/account.js";
+import { account, errorOf } from "../parts/account.js";
 import { graph } from "../parts/graph.js";
 import { inputs } from "../parts/inputs.js";
 import { problem } from "../parts/problem.js";
@@ -14,7 +15,11 @@ import { stage } from "../parts/stage.js";
 
 export async function mount(root) {
   const [shown, list] = await Promise.all([showcase(), json("/v1/operations", { quiet: true })]);
-  return new Pipelines(root, shown.pipelines, list.operations.map((each) => each.name));
+  return new Pipelines(
+    root,
+    shown.pipelines,
+    list.operations.map((each) => each.name),
+  );
 }
 
 class Pipelines {
@@ -23,32 +28,94 @@ class Pipelines {
 
   constructor(root, presets, names) {
     this.presets = presets;
-    this.text = h("textarea", { class: "wide code", id: "pipeline", rows: 4, spellcheck: "false", autocapitalize: "off", list: names.join(" ") });
+    this.text = h("textarea", {
+      class: "wide code",
+      id: "pipeline",
+      rows: 4,
+      spellcheck: "false",
+      autocapitalize: "off",
+      list: names.join(" "),
+    });
     this.text.removeAttribute("list");
     this.text.addEventListener("change", () => this.#go());
-    this.text.addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) this.#go(); });
-    this.all = h("input", { type: "checkbox", class: "switch", role: "switch", id: "run-all", onchange: () => this.#go() });
-    this.error = h("input", { type: "number", step: "any", min: 0, id: "pipeline-error", class: "number", placeholder: "none", onchange: () => this.#go() });
+    this.text.addEventListener("keydown", (event) => {
+      if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) this.#go();
+    });
+    this.all = h("input", {
+      type: "checkbox",
+      class: "switch",
+      role: "switch",
+      id: "run-all",
+      onchange: () => this.#go(),
+    });
+    this.error = h("input", {
+      type: "number",
+      step: "any",
+      min: 0,
+      id: "pipeline-error",
+      class: "number",
+      placeholder: "none",
+      onchange: () => this.#go(),
+    });
+    this.proof = h("p", { class: "proof", role: "status" });
     this.inputs = h("div");
     this.trouble = h("div");
     this.graph = h("div", { class: "graph-slot" });
     this.decisions = h("div");
     this.account = h("div");
     this.stage = stage({ probed: () => this.#probe() });
-    const chips = h("div", { class: "chips", role: "group", "aria-label": "Examples" },
-      presets.map((each) => h("button", { type: "button", class: "chip", onclick: () => this.#set(each) }, each.title)));
-    fill(root, h("div", { class: "pipelines" },
-      h("section", { class: "pipeline-side", "aria-label": "Pipeline" },
-        h("h1", "Pipelines"),
-        h("p", { class: "lead" }, "Operations in a row, or a graph of them, planned as a whole: what changes nothing is dropped, what can run together does."),
-        chips, h("label", { for: "pipeline", class: "name" }, "Pipeline"), this.text,
-        h("p", { class: "muted" }, "operation:name=value,…|operation … Ctrl+Enter runs it."),
-        h("div", { class: "wishes" },
-          h("label", { for: "pipeline-error" }, "max_error"), this.error,
-          this.all, h("label", { for: "run-all" }, "run everything (prune=false)"),
-          h("button", { type: "button", class: "main", onclick: () => this.#go() }, "Run")),
-        this.inputs, this.trouble, this.stage.element, this.account),
-      h("section", { class: "pipeline-plan", "aria-labelledby": "plan-title" }, h("h2", { id: "plan-title" }, "The plan"), this.graph, this.decisions)));
+    const chips = h(
+      "div",
+      { class: "chips", role: "group", "aria-label": "Examples" },
+      presets.map((each) => h("button", { type: "button", class: "chip", onclick: () => this.#set(each) }, each.title)),
+    );
+    fill(
+      root,
+      h(
+        "div",
+        { class: "pipelines" },
+        h(
+          "section",
+          { class: "pipeline-side", "aria-label": "Pipeline" },
+          h("h1", "Pipelines"),
+          h(
+            "p",
+            { class: "lead" },
+            "Operations in a row, or a graph of them, planned as a whole: what changes nothing is dropped, what can run together does.",
+          ),
+          chips,
+          h("label", { for: "pipeline", class: "name" }, "Pipeline"),
+          this.text,
+          h("p", { class: "muted" }, "operation:name=value,…|operation … Ctrl+Enter runs it."),
+          h(
+            "div",
+            { class: "wishes" },
+            h("label", { for: "pipeline-error" }, "max_error"),
+            this.error,
+            this.all,
+            h("label", { for: "run-all" }, "run everything (prune=false)"),
+            h(
+              "button",
+              { type: "button", class: "plain", onclick: () => this.#prove() },
+              "Compare with everything run",
+            ),
+            h("button", { type: "button", class: "main", onclick: () => this.#go() }, "Run"),
+          ),
+          this.proof,
+          this.inputs,
+          this.trouble,
+          this.stage.element,
+          this.account,
+        ),
+        h(
+          "section",
+          { class: "pipeline-plan", "aria-labelledby": "plan-title" },
+          h("h2", { id: "plan-title" }, "The plan"),
+          this.graph,
+          this.decisions,
+        ),
+      ),
+    );
     this.found = () => this.#go();
     events.addEventListener("found", this.found);
   }
@@ -60,7 +127,10 @@ class Pipelines {
   async open({ query }) {
     const said = Object.fromEntries(query);
     if (said.pipeline && said.pipeline === this.text.value) return;
-    await this.#set(this.presets.find((each) => each.pipeline === said.pipeline) ?? (said.pipeline ? { pipeline: said.pipeline, inputs: { image: "portrait" } } : this.presets[0]));
+    await this.#set(
+      this.presets.find((each) => each.pipeline === said.pipeline) ??
+        (said.pipeline ? { pipeline: said.pipeline, inputs: { image: "portrait" } } : this.presets[0]),
+    );
   }
 
   async #set(preset) {
@@ -68,7 +138,9 @@ class Pipelines {
     this.error.value = preset.max_error ?? "";
     this.all.checked = false;
     try {
-      this.#given = Object.fromEntries(await Promise.all(Object.entries(preset.inputs ?? {}).map(async ([name, each]) => [name, await sample(each)])));
+      this.#given = Object.fromEntries(
+        await Promise.all(Object.entries(preset.inputs ?? {}).map(async ([name, each]) => [name, await sample(each)])),
+      );
       this.#fields();
       await this.#go();
     } catch (failure) {
@@ -77,20 +149,37 @@ class Pipelines {
   }
 
   #fields() {
-    const declared = Object.keys(this.#given).map((name) => ({ name, required: true, description: `what the pipeline reads as input.${name}` }));
+    const declared = Object.keys(this.#given).map((name) => ({
+      name,
+      required: true,
+      description: `what the pipeline reads as input.${name}`,
+    }));
     const made = inputs(declared, this.#given, {
-      changed: (name, picture) => { this.#given = { ...this.#given, [name]: picture }; this.#fields(); this.#go(); },
+      changed: (name, picture) => {
+        this.#given = { ...this.#given, [name]: picture };
+        this.#fields();
+        this.#go();
+      },
       failed: (failure) => this.#fail(failure),
     });
     fill(this.inputs, declared.length ? made.element : null);
   }
 
-  #ask(further, headers = { Accept: "image/png" }, quiet = false) {
+  #ask(further, headers = { Accept: "image/png" }, quiet = false, all = this.all.checked) {
     const body = new FormData();
     for (const [name, picture] of Object.entries(this.#given)) body.append(name, picture.blob, `${name}.bin`);
-    const query = [["pipeline", this.text.value.trim()], ...(this.error.value ? [["max_error", this.error.value]] : []),
-      ...(this.all.checked ? [["prune", "false"]] : []), ...further];
-    return request("POST", "/v1/pipelines", { query, headers, quiet, body: Object.keys(this.#given).length ? body : undefined });
+    const query = [
+      ["pipeline", this.text.value.trim()],
+      ...(this.error.value ? [["max_error", this.error.value]] : []),
+      ...(all ? [["prune", "false"]] : []),
+      ...further,
+    ];
+    return request("POST", "/v1/pipelines", {
+      query,
+      headers,
+      quiet,
+      body: Object.keys(this.#given).length ? body : undefined,
+    });
   }
 
   async #go() {
@@ -101,6 +190,7 @@ class Pipelines {
       const plan = await (await this.#ask([["explain", "true"]], undefined, true)).json();
       if (mine !== this.#run) return;
       fill(this.trouble);
+      fill(this.proof);
       fill(this.graph, graph(plan));
       fill(this.decisions, decided(plan));
       const began = performance.now();
@@ -119,6 +209,28 @@ class Pipelines {
       if (mine === this.#run) this.#fail(failure);
     } finally {
       if (mine === this.#run) this.stage.busy(false);
+    }
+  }
+
+  // Runs the pipeline once as planned and once with nothing left out, and tells how far apart the two are, sample by sample.
+  async #prove() {
+    fill(this.proof, "running both …");
+    try {
+      const [planned, whole] = await Promise.all(
+        [false, true].map(async (all) => {
+          const response = await this.#ask([["format", "npy"]], {}, true, all);
+          return { headers: response.headers, ...read(await response.arrayBuffer()) };
+        }),
+      );
+      const apart = difference(planned.data, whole.data);
+      const sum = [planned, whole].reduce((before, each) => before + errorOf(each.headers).value, 0);
+      fill(
+        this.proof,
+        `As planned and with everything run, the results differ by ${apart ? short(apart) : "nothing"}; each promises to be off by so little that they may differ by ${short(sum)}.`,
+      );
+    } catch (failure) {
+      fill(this.proof);
+      this.#fail(failure);
     }
   }
 
@@ -141,21 +253,72 @@ class Pipelines {
   }
 }
 
+// The largest difference; samples that are not finite count where only one of them is.
+function difference(a, b) {
+  let most = 0;
+  for (let i = 0; i < a.length; i += 1) {
+    if (Object.is(a[i], b[i])) continue;
+    const apart = Math.abs(a[i] - b[i]);
+    most = Math.max(most, Number.isNaN(apart) ? Infinity : apart);
+  }
+  return most;
+}
+
 // Milliseconds by node.
-const measured = (header) => new Map(stages(header).filter(([name]) => name.startsWith("kernel.")).map(([name, time]) => [name.slice(7), time]));
+const measured = (header) =>
+  new Map(
+    stages(header)
+      .filter(([name]) => name.startsWith("kernel."))
+      .map(([name, time]) => [name.slice(7), time]),
+  );
 
 // Every decision in words, with what it can change at most and what it saves.
 function decided(plan) {
   const chosen = plan.decisions.filter((each) => each.pass === "choose");
   const others = plan.decisions.filter((each) => each.pass !== "choose");
-  return [others.length ? decisions("Left out and put together", others) : h("p", { class: "muted" }, "Nothing was left out or put together."),
-    chosen.length ? h("details", { class: "more" }, h("summary", `How ${chosen.length} methods were chosen`), decisions("Methods chosen", chosen)) : null];
+  return [
+    others.length
+      ? decisions("Left out and put together", others)
+      : h("p", { class: "muted" }, "Nothing was left out or put together."),
+    chosen.length
+      ? h(
+          "details",
+          { class: "more" },
+          h("summary", `How ${chosen.length} methods were chosen`),
+          decisions("Methods chosen", chosen),
+        )
+      : null,
+  ];
 }
 
 function decisions(label, all) {
-  return h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": label }, h("table", { class: "decisions" },
-    h("thead", h("tr", ["pass", "node", "what", "why", "changes", "saves"].map((each) => h("th", { scope: "col" }, each)))),
-    h("tbody", all.map((each) => h("tr",
-      h("td", each.pass), h("td", h("code", each.node)), h("td", each.action), h("td", each.reason),
-      h("td", each.bound ? short(each.bound) : "nothing"), h("td", each.saved_ms ? milliseconds(each.saved_ms) : "–"))))));
+  return h(
+    "div",
+    { class: "scroll", tabindex: 0, role: "region", "aria-label": label },
+    h(
+      "table",
+      { class: "decisions" },
+      h(
+        "thead",
+        h(
+          "tr",
+          ["pass", "node", "what", "why", "changes", "saves"].map((each) => h("th", { scope: "col" }, each)),
+        ),
+      ),
+      h(
+        "tbody",
+        all.map((each) =>
+          h(
+            "tr",
+            h("td", each.pass),
+            h("td", h("code", each.node)),
+            h("td", each.action),
+            h("td", each.reason),
+            h("td", each.bound ? short(each.bound) : "nothing"),
+            h("td", each.saved_ms ? milliseconds(each.saved_ms) : "–"),
+          ),
+        ),
+      ),
+    ),
+  );
 }

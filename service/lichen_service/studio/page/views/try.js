@@ -44,12 +44,16 @@ class Try {
     this.trouble = h("div", { class: "trouble" });
     this.stage = stage({ probed: () => this.#probe(), over: this.trouble });
     this.price = price({
-      choose: (wishes) => this.#wish(wishes), measure: (on) => this.#measure(on), opacity: (opacity) => this.stage.show({ opacity }),
+      choose: (wishes) => this.#wish(wishes),
+      measure: (on) => this.#measure(on),
+      opacity: (opacity) => this.stage.show({ opacity }),
     });
     this.use = use({ formats: shown.formats, failed: (failure) => this.#fail(failure) });
     this.runner = new Runner({
-      send: (order, signal) => this.#send(order, signal), settled: (result, order) => this.#settle(result, order),
-      failed: (failure) => this.#fail(failure), busy: (on) => this.stage.busy(on),
+      send: (order, signal) => this.#send(order, signal),
+      settled: (result, order) => this.#settle(result, order),
+      failed: (failure) => this.#fail(failure),
+      busy: (on) => this.stage.busy(on),
     });
     this.head = h("header", { class: "work-head" });
     this.inputs = h("div");
@@ -57,15 +61,50 @@ class Try {
     this.found = h("div");
     this.form = h("div");
     this.theory = h("div");
-    this.toggle = h("button", { type: "button", class: "plain side-toggle", "aria-expanded": "false", "aria-controls": "side", onclick: () => this.#side(!this.side.classList.contains("open")) }, icon("menu"), "All operations");
+    this.toggle = h(
+      "button",
+      {
+        type: "button",
+        class: "plain side-toggle",
+        "aria-expanded": "false",
+        "aria-controls": "side",
+        onclick: () => this.#side(!this.side.classList.contains("open")),
+      },
+      icon("menu"),
+      "All operations",
+    );
     this.side = h("aside", { class: "side", id: "side", "aria-label": "Operations" }, this.catalogue.element);
-    this.panel = h("aside", { class: "panel", "aria-label": "Parameters and accuracy" },
-      h("section", { "aria-labelledby": "parameters-title" }, h("h2", { id: "parameters-title" }, "Parameters"), this.form), this.price.element);
-    const work = h("section", { class: "work", "aria-label": "Result" }, this.toggle, this.head, this.inputs, this.stage.element, this.account, this.found, this.use.element, this.theory);
+    this.panel = h(
+      "aside",
+      { class: "panel", "aria-label": "Parameters and accuracy" },
+      h(
+        "section",
+        { "aria-labelledby": "parameters-title" },
+        h("h2", { id: "parameters-title" }, "Parameters"),
+        this.form,
+      ),
+      this.price.element,
+    );
+    const work = h(
+      "section",
+      { class: "work", "aria-label": "Result" },
+      this.toggle,
+      this.head,
+      this.inputs,
+      this.stage.element,
+      this.account,
+      this.found,
+      this.use.element,
+      this.theory,
+    );
     this.frame = h("div", { class: "try fresh" }, this.side, work, this.panel);
     fill(root, this.frame);
-    this.listeners = [[events, "found", () => this.#again()], [document, "paste", (event) => this.#paste(event)],
-      [document, "dragover", (event) => event.preventDefault()], [document, "drop", (event) => this.#drop(event)]];
+    this.listeners = [
+      [events, "found", () => this.#again()],
+      [document, "paste", (event) => this.#paste(event)],
+      [document, "dragover", (event) => event.preventDefault()],
+      [document, "drop", (event) => this.#drop(event)],
+    ];
     for (const [target, name, act] of this.listeners) target.addEventListener(name, act);
   }
 
@@ -93,11 +132,15 @@ class Try {
     const said = this.shown.operations[described.name]?.inputs ?? {};
     const first = described.inputs.find((each) => each.picture && each.required);
     const given = {};
-    await Promise.all(described.inputs.map(async ({ name }) => {
-      if (this.#own && name === first?.name) given[name] = this.#own;
-      else if (said[name]) given[name] = await sample(said[name]);
-    }));
-    return Object.fromEntries(described.inputs.filter(({ name }) => given[name]).map(({ name }) => [name, given[name]]));
+    await Promise.all(
+      described.inputs.map(async ({ name }) => {
+        if (this.#own && name === first?.name) given[name] = this.#own;
+        else if (said[name]) given[name] = await sample(said[name]);
+      }),
+    );
+    return Object.fromEntries(
+      described.inputs.filter(({ name }) => given[name]).map(({ name }) => [name, given[name]]),
+    );
   }
 
   #begin(described, given, query) {
@@ -120,41 +163,60 @@ class Try {
     fill(this.account);
     fill(this.found);
     document.title = `${described.name} · Lichen`;
-    fill(this.head, h("div", h("h1", described.name), h("span", { class: "family" }, described.family)), h("p", described.summary));
+    fill(
+      this.head,
+      h("div", h("h1", described.name), h("span", { class: "family" }, described.family)),
+      h("p", described.summary),
+    );
     fill(this.theory, about(described));
     this.#shape();
     this.#inputs();
     this.frame.classList.remove("fresh");
     this.#ask();
-    json(`/v1/accuracy/${described.name}`, { quiet: true }).then((report) => {
-      if (this.#order?.name !== described.name) return;
-      this.report = report;
-      this.price.about(report, this.used);
-    }, () => {});
+    json(`/v1/accuracy/${described.name}`, { quiet: true }).then(
+      (report) => {
+        if (this.#order?.name !== described.name) return;
+        this.report = report;
+        this.price.about(report, this.used);
+      },
+      () => {},
+    );
   }
 
   #shape() {
     const { parameters = {}, order = [] } = this.shown.operations[this.#order.name] ?? {};
-    this.fields = form(this.#order, { first: Object.keys(parameters), sequence: order, changed: (name, value, dragging) => this.#change(name, value, dragging) });
+    this.fields = form(this.#order, {
+      first: Object.keys(parameters),
+      sequence: order,
+      changed: (name, value, dragging) => this.#change(name, value, dragging),
+    });
     fill(this.form, this.fields.element);
   }
 
   #inputs() {
     const order = this.#order;
     this.drops = inputs(order.described.inputs, order.inputs, {
-      changed: (name, picture) => this.#take(name, picture), failed: (failure) => this.#fail(failure),
+      changed: (name, picture) => this.#take(name, picture),
+      failed: (failure) => this.#fail(failure),
     });
     fill(this.inputs, this.drops.element);
     const first = Object.values(order.inputs)[0];
     this.stage.show({ input: null, inputFloats: null });
-    first?.look().then((input) => { if (this.#order.inputs === order.inputs) this.stage.show({ input }); }).catch((failure) => this.#fail(failure));
+    first
+      ?.look()
+      .then((input) => {
+        if (this.#order.inputs === order.inputs) this.stage.show({ input });
+      })
+      .catch((failure) => this.#fail(failure));
   }
 
   #take(name, picture) {
     const { described, inputs: before } = this.#order;
     if (picture && !picture.sample && described.inputs.find((each) => each.name === name)?.picture) this.#own = picture;
     const all = { ...before, [name]: picture };
-    const ordered = Object.fromEntries(described.inputs.filter((each) => all[each.name]).map((each) => [each.name, all[each.name]]));
+    const ordered = Object.fromEntries(
+      described.inputs.filter((each) => all[each.name]).map((each) => [each.name, all[each.name]]),
+    );
     this.#order = this.#order.copy({ inputs: ordered });
     this.#floats = false;
     this.#inputs();
@@ -176,7 +238,10 @@ class Try {
 
   // Whether a wish says how the operation is computed.
   #chosen(name) {
-    return ["method", "max_error", "max_ms"].includes(name) || this.#order.described.methods.some((each) => each.knob?.name === name);
+    return (
+      ["method", "max_error", "max_ms"].includes(name) ||
+      this.#order.described.methods.some((each) => each.knob?.name === name)
+    );
   }
 
   #measure(on) {
@@ -197,7 +262,11 @@ class Try {
       return this.stage.say(h("p", `Drop a picture for ${missing.join(" and ")}.`));
     }
     if (!dragging) this.use.show(order);
-    this.runner.ask({ order, preview: dragging ? this.#cheap() ?? order.wishes : null, verify: !dragging && this.#verify });
+    this.runner.ask({
+      order,
+      preview: dragging ? (this.#cheap() ?? order.wishes) : null,
+      verify: !dragging && this.#verify,
+    });
     return undefined;
   }
 
@@ -207,7 +276,9 @@ class Try {
     const { points } = judged(settings(node, this.used ?? undefined));
     const inUse = points.find((each) => each.chosen);
     if (!inUse || inUse.ms < SLOW) return null;
-    const fast = points.filter((each) => each.error <= Math.max(SEEN, MOVING * inUse.error)).sort((a, b) => a.ms - b.ms)[0];
+    const fast = points
+      .filter((each) => each.error <= Math.max(SEEN, MOVING * inUse.error))
+      .sort((a, b) => a.ms - b.ms)[0];
     if (!fast || fast.ms > 0.7 * inUse.ms) return null;
     const knob = this.#order.described.methods.find((each) => each.name === fast.method)?.knob;
     return { method: fast.method, ...(knob && fast.knob !== null ? { [knob.name]: fast.knob } : {}) };
@@ -301,7 +372,14 @@ class Try {
 function about(described) {
   const text = described.description.trim();
   if (!text) return null;
-  return h("details", { class: "theory" }, h("summary", `Definition, methods and sources of ${described.name}`),
+  return h(
+    "details",
+    { class: "theory" },
+    h("summary", `Definition, methods and sources of ${described.name}`),
     h("pre", text),
-    h("ul", described.methods.map((each) => h("li", h("code", each.name), ` ${each.description}`))));
+    h(
+      "ul",
+      described.methods.map((each) => h("li", h("code", each.name), ` ${each.description}`)),
+    ),
+  );
 }
