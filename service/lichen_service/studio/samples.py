@@ -19,6 +19,8 @@ from lichen.image import Image
 from lichen.operation import Input, Operation
 from lichen_service.studio.files import files
 
+SUITING = {"depth": "depth", "map": "depth", "normal": "normals", "position": "positions", "motion": "motion"}
+"""Samples by the names of inputs that hold one kind of data wherever they occur."""
 Table = Mapping[str, Mapping[str, Any]]
 
 
@@ -73,7 +75,9 @@ def _example(operation: Operation[Any]) -> Mapping[str, Any]:
 
 
 def _data(declared: Input) -> str:
-    """A sample for an input that is no picture."""
+    """A sample for an input that is no picture: by its name, or else by its channels."""
+    if declared.name in SUITING:
+        return SUITING[declared.name]
     least, most = declared.channels
     if least >= 2 and most != 3:
         return "gyre"
