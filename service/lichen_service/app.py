@@ -247,7 +247,7 @@ def _jobs(
 
 def _readable(route: Route) -> tuple[str, ...]:
     """The media types of bodies that a route reads, beside forms."""
-    return (*readable(), JSON) if route.template == PIPELINES else readable()
+    return (*readable(), JSON) if route.template in (PIPELINES, SCENES) else readable()
 
 
 def _answer(head: Head, work: Callable[[], Admission | Response]) -> Admission | Response:
