@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 
@@ -15,6 +16,7 @@ Visits = Callable[..., Visit]
 PLACES = {
     "#/try/gaussian": ".plot-point.in-use",
     "#/pipelines": ".graph-node",
+    "#/scenes": ".graph-node",
     "#/cases": ".case img",
     "#/api": ".path",
     "#/status": ".tile",
@@ -102,6 +104,30 @@ def test_pipelines_show_what_was_left_out(visit: Visits) -> None:
     page.locator("#pipeline").fill("gaussian:sigma=-1")
     page.get_by_role("button", name="Run", exact=True).click()
     expect(page.locator(".problem")).to_contain_text("/nodes/gaussian/parameters/sigma")
+
+
+def test_what_a_scene_does_not_need_leaves_its_plan(visit: Visits) -> None:
+    window = visit()
+    page = window.open("#/scenes")
+    page.locator(".dial").first.wait_for()
+    scene = {
+        "camera": {"width": 48, "height": 36},
+        "objects": [{"shape": "sphere", "centre": [0, 0, -5], "radius": 1}],
+        "lights": [{"kind": "point", "position": [3, 5, 2], "intensity": 30}],
+        "fog": {"density": 0.03},
+    }
+    page.locator("#pipeline").fill(json.dumps(scene))
+    page.locator("#pipeline").blur()
+    density = page.get_by_label("fog density", exact=True)
+    expect(density).to_have_value("0.03")
+    nodes = page.locator(".graph-node:not(.gone)")
+    expect(nodes.filter(has_text="fog")).not_to_have_count(0)
+    density.fill("0")
+    density.press("Enter")
+    expect(nodes.filter(has_text="fog")).to_have_count(0)
+    expect(page.locator(".pipeline-plan table").first).to_contain_text("fog")
+    expect(page.locator("#pipeline")).to_have_value(re.compile('"density": 0\\b'))
+    assert window.said == []
 
 
 def test_a_key_is_asked_for_and_kept_in_the_tab(visit: Visits) -> None:

@@ -89,6 +89,7 @@ def showcases() -> dict[str, Any]:
     return {
         "samples": list(samples().values()),
         "pipelines": _content("pipelines.json"),
+        "scenes": _content("scenes.json"),
         "formats": [{"name": name, "media_type": each.media_type} for name, each in FORMATS.items()],
         "operations": {name: showcase(each) for name, each in catalogue.operations().items()},
     }

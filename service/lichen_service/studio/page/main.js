@@ -7,10 +7,11 @@ import { problem } from "./parts/problem.js";
 import * as api from "./views/api.js";
 import * as cases from "./views/cases.js";
 import * as pipelines from "./views/pipelines.js";
+import * as scenes from "./views/scenes.js";
 import * as status from "./views/status.js";
 import * as tried from "./views/try.js";
 
-const VIEWS = { try: tried, pipelines, cases, api, status };
+const VIEWS = { try: tried, pipelines, scenes, cases, api, status };
 const THEME = "lichen-theme";
 const root = document.getElementById("main");
 let shown = { name: "", view: null };

@@ -1,43 +1,39 @@
-// Pipelines: text in, the graph that is planned for it out, with what was fused, dropped and why, and the picture it makes.
+// What is planned as a whole, a pipeline or a scene: text in, the graph that is planned for it out, with what was fused,
+// dropped and why, and the picture it makes.
 
-import { events, json, request, stages } from "../lib/api.js";
+import { events, request, stages } from "../lib/api.js";
 import { fill, h } from "../lib/dom.js";
 import { milliseconds, short } from "../lib/numbers.js";
 import { read } from "../lib/npy.js";
 import { Picture, factsOf } from "../lib/picture.js";
 import { say } from "../lib/router.js";
-import { sample, showcase } from "../lib/samples.js";
+import { sample } from "../lib/samples.js";
 import { account, errorOf } from "../parts/account.js";
 import { graph } from "../parts/graph.js";
 import { inputs } from "../parts/inputs.js";
 import { problem } from "../parts/problem.js";
 import { stage } from "../parts/stage.js";
 
-export async function mount(root) {
-  const [shown, list] = await Promise.all([showcase(), json("/v1/operations", { quiet: true })]);
-  return new Pipelines(
-    root,
-    shown.pipelines,
-    list.operations.map((each) => each.name),
-  );
-}
-
-class Pipelines {
+// `kind` says what is written and how it is sent: { name, path, title, label, lead, hint, rows, text(preset),
+// sent(text, given), dials }.
+export class Planned {
   #given = {};
   #run = 0;
 
-  constructor(root, presets, names) {
+  constructor(root, presets, kind) {
     this.presets = presets;
+    this.kind = kind;
     this.text = h("textarea", {
       class: "wide code",
       id: "pipeline",
-      rows: 4,
+      rows: kind.rows,
       spellcheck: "false",
       autocapitalize: "off",
-      list: names.join(" "),
     });
-    this.text.removeAttribute("list");
-    this.text.addEventListener("change", () => this.#go());
+    this.text.addEventListener("change", () => {
+      this.#turn();
+      this.#go();
+    });
     this.text.addEventListener("keydown", (event) => {
       if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) this.#go();
     });
@@ -59,6 +55,7 @@ class Pipelines {
     });
     this.proof = h("p", { class: "proof", role: "status" });
     this.inputs = h("div");
+    this.dials = h("div", { class: "dials" });
     this.trouble = h("div");
     this.graph = h("div", { class: "graph-slot" });
     this.decisions = h("div");
@@ -69,6 +66,7 @@ class Pipelines {
       { class: "chips", role: "group", "aria-label": "Examples" },
       presets.map((each) => h("button", { type: "button", class: "chip", onclick: () => this.#set(each) }, each.title)),
     );
+    const seen = [this.trouble, this.stage.element, this.account]; // beside the dials, where there are some
     fill(
       root,
       h(
@@ -76,17 +74,15 @@ class Pipelines {
         { class: "pipelines" },
         h(
           "section",
-          { class: "pipeline-side", "aria-label": "Pipeline" },
-          h("h1", "Pipelines"),
-          h(
-            "p",
-            { class: "lead" },
-            "Operations in a row, or a graph of them, planned as a whole: what changes nothing is dropped, what can run together does.",
-          ),
+          { class: "pipeline-side", "aria-label": kind.label },
+          h("h1", kind.title),
+          h("p", { class: "lead" }, kind.lead),
           chips,
-          h("label", { for: "pipeline", class: "name" }, "Pipeline"),
+          this.dials,
+          kind.dials ? seen : null,
+          h("label", { for: "pipeline", class: "name" }, kind.label),
           this.text,
-          h("p", { class: "muted" }, "operation:name=value,…|operation … Ctrl+Enter runs it."),
+          h("p", { class: "muted" }, kind.hint),
           h(
             "div",
             { class: "wishes" },
@@ -103,9 +99,7 @@ class Pipelines {
           ),
           this.proof,
           this.inputs,
-          this.trouble,
-          this.stage.element,
-          this.account,
+          kind.dials ? null : seen,
         ),
         h(
           "section",
@@ -127,14 +121,15 @@ class Pipelines {
   async open({ query }) {
     const said = Object.fromEntries(query);
     if (said.pipeline && said.pipeline === this.text.value) return;
+    const given = said.pipeline && { pipeline: said.pipeline, inputs: { image: "portrait" } };
     await this.#set(
-      this.presets.find((each) => each.pipeline === said.pipeline) ??
-        (said.pipeline ? { pipeline: said.pipeline, inputs: { image: "portrait" } } : this.presets[0]),
+      this.presets.find((each) => each.pipeline && each.pipeline === said.pipeline) ?? given ?? this.presets[0],
     );
   }
 
   async #set(preset) {
-    this.text.value = preset.pipeline;
+    this.text.value = this.kind.text(preset);
+    this.#turn();
     this.error.value = preset.max_error ?? "";
     this.all.checked = false;
     try {
@@ -165,26 +160,43 @@ class Pipelines {
     fill(this.inputs, declared.length ? made.element : null);
   }
 
+  // The dials of what the text says; one that is turned writes it anew.
+  #turn() {
+    fill(
+      this.dials,
+      this.kind.dials?.(this.text.value, (text) => {
+        this.text.value = text;
+        this.#soon();
+      }),
+    );
+  }
+
+  // While a dial is dragged: one run at a time, and then the newest.
+  async #soon() {
+    this.waiting = true;
+    if (this.turning) return;
+    this.turning = true;
+    while (this.waiting) {
+      this.waiting = false;
+      await this.#go();
+    }
+    this.turning = false;
+  }
+
   #ask(further, headers = { Accept: "image/png" }, quiet = false, all = this.all.checked) {
-    const body = new FormData();
-    for (const [name, picture] of Object.entries(this.#given)) body.append(name, picture.blob, `${name}.bin`);
+    const sent = this.kind.sent(this.text.value.trim(), this.#given);
     const query = [
-      ["pipeline", this.text.value.trim()],
+      ...sent.query,
       ...(this.error.value ? [["max_error", this.error.value]] : []),
       ...(all ? [["prune", "false"]] : []),
       ...further,
     ];
-    return request("POST", "/v1/pipelines", {
-      query,
-      headers,
-      quiet,
-      body: Object.keys(this.#given).length ? body : undefined,
-    });
+    return request("POST", this.kind.path, { query, headers: { ...headers, ...sent.headers }, quiet, body: sent.body });
   }
 
   async #go() {
     const mine = (this.#run += 1);
-    say("pipelines", "", [["pipeline", this.text.value.trim()]]);
+    say(this.kind.name, "", this.kind.sent(this.text.value.trim(), {}).query);
     this.stage.busy(true);
     try {
       const plan = await (await this.#ask([["explain", "true"]], undefined, true)).json();
