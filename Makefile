@@ -36,7 +36,7 @@ serve: $(VENV)/.runtime ## start the service on http://HOST:PORT, after installi
 # no test (status 5) has not failed.
 test: lint ## check style and types, then run every test
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal tests/kernels $(ARGS) || [ $$? = 5 ]
-	@$(BIN)/python -m pytest --numprocesses 2 --dist loadfile tests/service tests/clients tests/house $(ARGS) || [ $$? = 5 ]
+	@$(BIN)/python -m pytest --numprocesses 2 --dist loadfile tests/service tests/clients tests/house tests/browser $(ARGS) || [ $$? = 5 ]
 
 lint: $(VENV)/.development ## check style, types, the order of imports and the Containerfile
 	@$(BIN)/ruff check --quiet .
@@ -102,7 +102,8 @@ $(VENV)/.runtime: requirements.lock $(SOURCES)
 	@PYTHONWARNINGS=ignore $(PIP) install --no-deps --no-build-isolation --editable .
 	@touch $@
 
-$(VENV)/.development: requirements-dev.lock $(VENV)/.runtime
+$(VENV)/.development: requirements-dev.lock .ci/testing-packages.txt $(VENV)/.runtime
+	@PYTHON=$(PYTHON) .ci/install-system --testing
 	@echo "Installing the Python packages of requirements-dev.lock into $(VENV)"
 	@$(PIP) install --require-hashes --only-binary :all: --requirement requirements-dev.lock
 	@touch $@

@@ -17,11 +17,12 @@ The parts, in the order a reader meets them:
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, Protocol, TypeVar, get_args, get_origin
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -378,7 +379,7 @@ class Operation(Generic[P]):
         JSON.
         """
         fields = self.parameters.model_fields
-        prepared = {name: _from_text(value) if name in fields else value for name, value in values.items()}
+        prepared = {name: _from_text(value, fields.get(name)) for name, value in values.items()}
         try:
             return self.parameters.model_validate(prepared)
         except ValidationError as invalid:
@@ -390,11 +391,10 @@ class Operation(Generic[P]):
         return self.parameters.model_json_schema()
 
 
-def _from_text(value: Any) -> Any:
-    """Text that is a JSON array or object is parsed; everything else is left to the model."""
+def _from_text(value: Any, field: Any) -> Any:
+    """Text of a JSON array or object is parsed, and a number of a literal type found; the rest is left to the model."""
     if isinstance(value, str) and value[:1] in ("[", "{"):
-        try:
+        with contextlib.suppress(ValueError):
             return json.loads(value)
-        except ValueError:
-            return value
-    return value
+    known = get_args(field.annotation) if field and get_origin(field.annotation) is Literal else ()
+    return next((each for each in known if str(each) == value), value)

@@ -48,6 +48,7 @@ from lichen_service.routes.pipelines import Pipelines
 from lichen_service.routes.running import Running
 from lichen_service.routes.scenes import PATH as SCENES
 from lichen_service.routes.scenes import Scenes
+from lichen_service.routes.studio import Studio
 from lichen_service.routes.system import System
 from lichen_service.routes.textures import PATH as TEXTURES
 from lichen_service.routes.textures import Textures
@@ -85,7 +86,7 @@ class Service:
         self.metrics = Metrics(catalogue.operations())
         self.routes: tuple[Route, ...] = (
             *(self.jobs.table if self.jobs else ()),
-            Route("/", {"GET": system.index}),
+            *Studio().routes,
             Route("/v1/operations", {"GET": described.list}),
             Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, None, check, "run"),
             Route(PIPELINES, dict.fromkeys(("POST", "QUERY"), pipelines.run), True, None, pipelines.check, "run"),
@@ -246,7 +247,7 @@ def _jobs(
 
 def _readable(route: Route) -> tuple[str, ...]:
     """The media types of bodies that a route reads, beside forms."""
-    return (*readable(), JSON) if route.template == PIPELINES else readable()
+    return (*readable(), JSON) if route.template in (PIPELINES, SCENES) else readable()
 
 
 def _answer(head: Head, work: Callable[[], Admission | Response]) -> Admission | Response:

@@ -95,7 +95,7 @@ def _fixed_paths() -> dict[str, Any]:
     paths["/"] = {
         "get": {
             "operationId": "getIndex",
-            "summary": "A page with links",
+            "summary": "The studio, a page to try operations on",
             "responses": {"200": {"description": "HTML", "content": {"text/html": {"schema": {"type": "string"}}}}},
         }
     }

@@ -154,6 +154,14 @@ def test_nonfinite_values_stay_inside_the_footprint(operation: Operation[Any], b
 HARD = [(operation, case) for operation in OPERATIONS.values() for case in operation.hard_cases]
 
 
+@each()
+def test_parameters_can_be_given_as_text(operation: Operation[Any]) -> None:
+    """As a URL has them: text plain, everything else as JSON."""
+    for example in operation.examples:
+        text = {name: value if isinstance(value, str) else json.dumps(value) for name, value in example.items()}
+        assert operation.validate(text) == operation.validate(example)
+
+
 @pytest.mark.parametrize(("operation", "case"), HARD, ids=[f"{o.name}: {c.name}" for o, c in HARD])
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_hard_cases_hold(operation: Operation[Any], case: Any, backend: str) -> None:

@@ -23,7 +23,7 @@ SCENE: dict[str, Any] = {
     "lights": [{"kind": "point", "position": [3, 5, 2], "intensity": 30, "shadow": {"size": 64}}],
     "fog": {"density": 0.03, "colour": [0.6, 0.7, 0.8]},
 }
-JSON = {"Content-Type": "application/json"}
+JSON = {"content-type": "application/json"}
 
 
 def posted(call: Caller, scene: Any, query: str = "", method: str = "POST") -> Response:

@@ -20,7 +20,7 @@ from lichen.planning.memory import peak_bytes, refuse_too_large
 from lichen.planning.prune import identity, shared, unread
 from lichen.planning.region import region
 from lichen.planning.settle import settle
-from lichen.planning.verdicts import verdicts
+from lichen.planning.verdicts import outcomes, verdicts
 
 Pass = Callable[[Graph, Request], Graph]
 
@@ -108,8 +108,8 @@ class Plan:
         }
 
     def _alternatives(self, node: Node) -> list[dict[str, Any]]:
-        judged = zip(node.alternatives, verdicts(self.graph, self.request, node), strict=True)
-        return [_offer_to_json(offer, verdict) for offer, verdict in judged]
+        said = verdicts(self.graph, self.request, node), outcomes(self.graph, self.request, node)
+        return [_offer_to_json(*each) for each in zip(node.alternatives, *said, strict=True)]
 
 
 def make_plan(graph: Graph, request: Request) -> Plan:
@@ -160,7 +160,7 @@ def _node_to_json(node: Node) -> dict[str, Any]:
     }
 
 
-def _offer_to_json(offer: Candidate, verdict: str) -> dict[str, Any]:
+def _offer_to_json(offer: Candidate, verdict: str, outcome: Error | None) -> dict[str, Any]:
     return {
         "method": offer.method,
         "knob": offer.knob,
@@ -169,4 +169,5 @@ def _offer_to_json(offer: Candidate, verdict: str) -> dict[str, Any]:
         "typical": offer.error.typical,
         "milliseconds": offer.seconds * 1e3,
         "verdict": verdict,
+        "result_error": None if outcome is None else _error_to_json(outcome),
     }

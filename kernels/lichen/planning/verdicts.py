@@ -26,6 +26,16 @@ def verdicts(graph: Graph, request: Request, node: Node) -> list[str]:
     return [judge.verdict(offer) for offer in node.alternatives]
 
 
+def outcomes(graph: Graph, request: Request, node: Node) -> list[Error | None]:
+    """For each alternative of a node the error that the result would have with it, other nodes and conversions between
+    them included; None where it cannot be taken."""
+    taken = node.choice
+    if taken is None:
+        return [None] * len(node.alternatives)
+    judge = _Judge(graph, request, node, taken)
+    return [None if offer.unfit is not None else judge.error(offer) for offer in node.alternatives]
+
+
 @dataclass(frozen=True, eq=False)
 class _Judge:
     graph: Graph
@@ -44,7 +54,7 @@ class _Judge:
     def _choices(self) -> Choices:
         return {node.name: node.choice for node in self.graph.nodes if node.choice is not None}
 
-    def _error(self, offer: Candidate) -> Error:
+    def error(self, offer: Candidate) -> Error:
         return total_error(self.graph, self._facts, {**self._choices, self.node.name: offer})
 
     def _seconds(self, offer: Candidate) -> float:
@@ -61,8 +71,8 @@ class _Judge:
             return f"too slow: {_ms(self._seconds(offer))} of {_ms(limit)} allowed"
         if error is None:
             return f"fast enough, but {self._worse(offer)}"
-        if self._error(offer).value > error:
-            return f"not accurate enough: an error of {self._error(offer).value:.3g}, asked {error:.3g}"
+        if self.error(offer).value > error:
+            return f"not accurate enough: an error of {self.error(offer).value:.3g}, asked {error:.3g}"
         return f"fast and accurate enough, but {self._slower(offer)}"
 
     def _accurate(self, offer: Candidate) -> str:
@@ -111,7 +121,7 @@ class _Judge:
         return "no faster" if offer.error.value == self.taken.error.value else "no faster, and less accurate"
 
     def _worse(self, offer: Candidate) -> str:
-        mine, best = self._error(offer), self._error(self.taken)
+        mine, best = self.error(offer), self.error(self.taken)
         if mine.value > best.value:
             return f"less accurate: an error of {mine.value:.3g} instead of {best.value:.3g}"
         if mine.usual > best.usual:

@@ -1,8 +1,7 @@
-"""Paths about the service itself: alive, ready, versions, limits, the OpenAPI document, and a page with links."""
+"""Paths about the service itself: alive, ready, versions, limits and the OpenAPI document."""
 
 from __future__ import annotations
 
-import html
 import platform
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -11,7 +10,7 @@ from typing import Any
 import lichen
 from lichen import catalogue
 from lichen.opencl.device import default_device, status
-from lichen_service.descriptions import accuracy_path_of, limits_of, path_of
+from lichen_service.descriptions import limits_of
 from lichen_service.documents import canonical, document, momentary
 from lichen_service.http.message import Request, Response
 from lichen_service.openapi import openapi
@@ -54,13 +53,6 @@ class System:
     def openapi(self, request: Request, name: str) -> Response:
         return document(request.head, _openapi())
 
-    def index(self, request: Request, name: str) -> Response:
-        response = document(request.head, _page(), "text/html; charset=utf-8")
-        response.headers["Content-Security-Policy"] = (
-            "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'"
-        )
-        return response
-
 
 @cache
 def _openapi() -> bytes:
@@ -91,46 +83,3 @@ def _version_of(distribution: str) -> str | None:
         return version(distribution)
     except PackageNotFoundError:
         return None
-
-
-@cache
-def _page() -> bytes:
-    """A plain page for whoever opens the service in a browser."""
-    rows = "".join(
-        f'<tr><td><a href="{html.escape(path_of(name))}">{html.escape(name)}</a></td>'
-        f"<td>{html.escape(each.family)}</td><td>{html.escape(each.summary)}</td>"
-        f'<td><a href="{html.escape(accuracy_path_of(name))}.svg">accuracy</a></td></tr>'
-        for name, each in catalogue.operations().items()
-    )
-    links = " · ".join(
-        f'<a href="{path}">{path}</a>'
-        for path in (
-            "/v1/operations",
-            "/v1/accuracy",
-            "/v1/limits",
-            "/v1/version",
-            "/openapi.json",
-            "/livez",
-            "/readyz",
-        )
-    )
-    return f"""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>Lichen</title>
-<meta name="viewport" content="width=device-width">
-<style>
-body {{ font: 1rem/1.5 system-ui; margin: 2rem auto; max-width: 60rem; padding: 0 1rem }}
-td {{ padding: .1rem 1rem .1rem 0 }}
-</style>
-</head>
-<body>
-<h1>Lichen {html.escape(lichen.__version__)}</h1>
-<p>Image operations over HTTP whose accuracy has a stated price.
-Send an image to <code>/v1/operations/NAME?parameter=value</code> with POST or QUERY; the answer is the result.</p>
-<table>{rows}</table>
-<p>{links}</p>
-</body>
-</html>
-""".encode()

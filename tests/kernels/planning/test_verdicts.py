@@ -11,7 +11,7 @@ import pytest
 import lichen
 from lichen.planning.graph import Candidate
 from lichen.planning.plan import Plan
-from lichen.planning.verdicts import verdicts
+from lichen.planning.verdicts import outcomes, verdicts
 
 IMAGE = np.random.default_rng(0).random((96, 96, 3), dtype=np.float32)
 FIELD = IMAGE[..., :2] - np.float32(0.5)
@@ -49,6 +49,22 @@ def test_time_and_error_together_name_what_a_candidate_lacks() -> None:
     for offer, said in judged(plan).values():
         lacking = "not accurate enough: " if offer.error.value > 1e-4 else "fast and accurate enough, but "
         assert said == "taken" or said.startswith(lacking)
+
+
+def test_what_the_result_would_be_with_each_is_what_it_is_when_asked_for() -> None:
+    """Conversions to light and back carry errors further, so the result's error is not the method's."""
+    picture = lichen.image.Image(IMAGE, lichen.image.Space.SRGB)
+    plan = lichen.explain("gaussian", picture, sigma=9)
+    node = plan.graph.node(plan.request.target)
+    assert node is not None
+    for offer, outcome in zip(node.alternatives, outcomes(plan.graph, plan.request, node), strict=True):
+        assert (outcome is None) == (offer.unfit is not None)
+        if outcome is not None and offer.method in node.operation.methods:
+            knobs = {"tail": offer.knob} if offer.method in ("fir", "dct") else {}
+            asked = lichen.explain("gaussian", picture, sigma=9, method=offer.method, **knobs)
+            if asked.graph.node(asked.request.target).choice == offer:  # type: ignore[union-attr]
+                assert asked.error == outcome
+                assert outcome.value > offer.error.value
 
 
 def test_a_method_that_cannot_run_says_why() -> None:

@@ -57,6 +57,13 @@ def test_probes_need_no_key(guarded: tuple[Caller, str, str]) -> None:
     assert call("GET", "/readyz").status == 503  # this service was not warmed up, and says so to everybody
 
 
+def test_the_page_needs_no_key_and_what_it_asks_does(guarded: tuple[Caller, str, str]) -> None:
+    call, _, _ = guarded
+    for target in ("/", "/studio/main.js", "/studio/lib/api.js", "/studio/showcase.json", "/studio/cases/all.json"):
+        assert call("GET", target).status == 200
+    problem_of(call("GET", "/v1/operations"), 401, "unauthorized")
+
+
 def test_a_key_is_good_for_its_scopes_only(guarded: tuple[Caller, str, str], png: bytes) -> None:
     call, _, other = guarded
     assert call("GET", "/v1/limits", headers=bearer(other)).status == 200
