@@ -7,6 +7,7 @@ PORT ?= 8080
 DRAWS ?= 20000
 INPUTS ?= 80000
 SECONDS ?= 600
+KILLS ?= 100
 PIPELINES ?= 2000
 ARGS ?=
 
@@ -18,11 +19,11 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install develop serve test lint format fuzz soak bench accuracy audit lock container-test clean
+.PHONY: help install develop serve test lint format fuzz soak batch-soak bench client accuracy audit lock container-test clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z-]*\):[^#]*## */  make \1 @/p' $(firstword $(MAKEFILE_LIST)) | awk -F@ '{ printf "%-24s%s\n", $$1, $$2 }'
-	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) DRAWS INPUTS SECONDS ARGS=... (handed on: make test ARGS='-k lic')"
+	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) DRAWS INPUTS SECONDS KILLS ARGS=... (handed on: make test ARGS='-k lic')"
 
 install: $(VENV)/.runtime ## install what serving needs: system packages, .venv, pinned Python packages
 
@@ -57,8 +58,14 @@ fuzz: $(VENV)/.development ## hold errors to DRAWS drawn images, plans to PIPELI
 soak: $(VENV)/.development ## serve for SECONDS, and show that memory, threads and files stay what they were
 	@$(BIN)/python tests/service/soak.py --seconds $(SECONDS)
 
+batch-soak: $(VENV)/.development ## kill a batch of 500 items KILLS times, and show that nothing is lost or done twice
+	@$(BIN)/python tests/clients/batch_soak.py --kills $(KILLS)
+
 bench: $(VENV)/.development ## measure speed and error beside the peers
 	@set -e; for script in $(or $(ARGS),tests/benchmarks/bench_*.py); do $(BIN)/python $$script; done
+
+client: $(VENV)/.development ## write the Python client's methods anew, from the catalogue
+	@$(BIN)/python clients/python/make.py
 
 accuracy: $(VENV)/.development ## measure what accuracy costs and write docs/accuracy (ARGS=--full for every error anew)
 	@$(BIN)/python docs/accuracy/make.py $(ARGS)

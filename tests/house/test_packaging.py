@@ -22,6 +22,7 @@ ROOTS = {
     "lichen": "kernels",
     "lichen_service": "service",
     "lichen_client": "clients/python",
+    "lichen_batch": "clients/batch",
     "lichen_cli": "clients/cli",
 }
 SCRIPTS = ("run", "install-system", "container-test")

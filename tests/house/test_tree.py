@@ -14,6 +14,8 @@ TOP = {
 }
 CODE = ("kernels", "service", "clients")
 LONGEST = 400
+MADE = (Path("clients/python/lichen_client/operations.py"),)
+"""Files that a program writes."""
 
 
 def test_the_top_holds_nothing_unexpected(tracked: list[Path]) -> None:
@@ -23,7 +25,7 @@ def test_the_top_holds_nothing_unexpected(tracked: list[Path]) -> None:
 
 def test_modules_are_short(root: Path, tracked: list[Path]) -> None:
     code = [path for path in tracked if path.parts[0] in CODE and path.suffix in (".py", ".cl", ".clh")]
-    lengths = {str(path): len((root / path).read_text().splitlines()) for path in code}
+    lengths = {str(path): len((root / path).read_text().splitlines()) for path in code if path not in MADE}
     assert lengths
     assert {path: length for path, length in lengths.items() if length > LONGEST} == {}
 
@@ -52,6 +54,7 @@ def test_every_package_is_typed(root: Path) -> None:
         "kernels/lichen",
         "service/lichen_service",
         "clients/python/lichen_client",
+        "clients/batch/lichen_batch",
         "clients/cli/lichen_cli",
     ):
         assert (root / package / "__init__.py").exists(), package

@@ -20,10 +20,13 @@ COMMANDS = {
     "config": ("lichen_cli.config", "show the settings of the service and where each comes from"),
     "keys": ("lichen_cli.keys", "make, list and revoke the keys that callers need"),
     "run": ("lichen_cli.run", "run an operation on image files"),
+    "batch": ("lichen_cli.batch", "run the lines of a manifest, here, on a service or on a cluster"),
     "operations": ("lichen_cli.operations", "list the operations, or describe one"),
     "textures": ("lichen_cli.textures", "list named textures, or print the pipeline of one"),
     "accuracy": ("lichen_cli.accuracy", "show what accuracy costs in time"),
     "calibrate": ("lichen_cli.calibrate", "measure how fast this machine is, so that plans promise its times"),
+    "warm": ("lichen_cli.warm", "compile all kernels, so that nobody waits for that later"),
+    "completion": ("lichen_cli.completion", "print what a shell needs to complete commands and options"),
     "doctor": ("lichen_cli.doctor", "find out what works on this machine, and why the rest does not"),
 }
 

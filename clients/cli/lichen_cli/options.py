@@ -83,6 +83,7 @@ def build(operation: Operation[Any]) -> Parser:
     _add(group, "method", {**options_schema()["properties"]["method"], "enum": list(operation.methods)}, False)
     add_wishes(group, {"method"})
     group.add_argument("--json", action="store_true", default=False, help="print the report as JSON")
+    group.add_argument("--url", metavar="URL", help="let a service compute")  # taken off before the rest is read
     return parser
 
 

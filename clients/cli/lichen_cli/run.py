@@ -28,7 +28,7 @@ _HELP = """usage: lichen run OPERATION IN OUT [options]
 
 Runs an operation, or a pipeline of them, on image files. `lichen operations`
 lists the operations, `lichen run OPERATION --help` the options of one. A file
-called - is standard input or output.
+called - is standard input or output. With --url URL a service computes.
 """
 
 
@@ -43,10 +43,12 @@ def main(arguments: Sequence[str]) -> int:
         print(_HELP, end="")
         return 0 if arguments else 2
     from lichen.catalogue import operation
-    from lichen_cli import options
+    from lichen_cli import options, remote
 
+    url, rest = remote.taken(arguments[1:])
     chosen = operation(arguments[0])
-    return _run(chosen, options.read(chosen, arguments[1:]))
+    given = options.read(chosen, rest)
+    return _run(chosen, given) if url is None else remote.run(url, chosen.name, given)
 
 
 def _run(operation: Operation[Any], given: Given) -> int:

@@ -3,7 +3,7 @@
     from lichen_client import Client
 
     with Client("http://127.0.0.1:8080") as client:
-        result = client.run("gaussian", "photo.jpg", sigma=5)
+        result = client.gaussian("photo.jpg", sigma=5)
         result.array            # NumPy, (height, width, channels)
         result.report.error     # how far it may be from the exact result
 
@@ -14,7 +14,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from lichen_client.client import Client
+from lichen_client.calls import Asset
+from lichen_client.client import Client, Job
 from lichen_client.errors import (
     BadRequest,
     ConnectionFailed,
@@ -29,6 +30,7 @@ from lichen_client.errors import (
     Unavailable,
     Unprocessable,
 )
+from lichen_client.jobs import Dismissed
 from lichen_client.pipeline import Pipeline
 from lichen_client.results import Error, Measured, Report, Result, Results
 from lichen_client.retry import Retries
@@ -38,12 +40,15 @@ if TYPE_CHECKING:
     from lichen_client.async_client import AsyncClient
 
 __all__ = [
+    "Asset",
     "AsyncClient",
     "BadRequest",
     "Client",
     "ConnectionFailed",
+    "Dismissed",
     "Error",
     "Flaw",
+    "Job",
     "LichenClientError",
     "Measured",
     "NotFound",

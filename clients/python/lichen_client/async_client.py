@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Mapping
+from collections.abc import Coroutine, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self
 
-from lichen_client import calls
-from lichen_client.calls import Call
-from lichen_client.errors import ConnectionFailed
+from lichen_client import calls, jobs
+from lichen_client.calls import Asset, Call
+from lichen_client.errors import ConnectionFailed, TimedOut
+from lichen_client.operations import Operations
 from lichen_client.results import Result, Results
 from lichen_client.retry import Reply, Wait, conversation
 from lichen_client.transport import Transport, failures, reply_of
 
 if TYPE_CHECKING:
     from lichen_client.calls import ImageLike
+    from lichen_client.jobs import Progress, State
     from lichen_client.pipeline import Pipeline
 
 
-class AsyncClient(Transport):
+class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
     """`Client` for asyncio: the same methods, to be awaited. Belongs to the event loop that first uses it."""
 
     def _open(self) -> None:
@@ -28,17 +31,50 @@ class AsyncClient(Transport):
         self._http = httpx2.AsyncClient(**self._arguments())
 
     async def run(
-        self, operation: str, image: ImageLike = None, /, *, format: str | None = None, **values: Any
+        self,
+        operation: str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **values: Any,
     ) -> Result:
         """As `Client.run`."""
-        call = await asyncio.to_thread(calls.run_call, operation, image, values, format=format)
-        return calls.read_result(await self._converse(call))
+        call = await asyncio.to_thread(calls.run_call, operation, image, values, images=images, format=format)
+        result = calls.read_result(await self._converse(call))
+        return replace(result, plan=lambda: self.explain(operation, image, images=images, format=format, **values))
 
     async def explain(
-        self, operation: str, image: ImageLike = None, /, *, format: str | None = None, **values: Any
+        self,
+        operation: str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **values: Any,
     ) -> dict[str, Any]:
         """As `Client.explain`."""
-        call = await asyncio.to_thread(calls.run_call, operation, image, values, format=format, explain=True)
+        call = await asyncio.to_thread(
+            calls.run_call, operation, image, values, images=images, format=format, explain=True
+        )
+        return await self._document(call)
+
+    async def find(
+        self,
+        operation: str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        **values: Any,
+    ) -> dict[str, Any]:
+        """As `Client.find`."""
+        json = "application/json"
+        call = await asyncio.to_thread(
+            calls.run_call, operation, image, values, images=images, format=None, accept=json
+        )
         return await self._document(call)
 
     async def run_pipeline(
@@ -81,7 +117,9 @@ class AsyncClient(Transport):
         **wishes: Any,
     ) -> Result:
         """As `Client.render`."""
-        call = await asyncio.to_thread(calls.scene_call, scene, images, wishes, format=format)
+        call = await asyncio.to_thread(
+            calls.pipeline_call, scene, None, images, wishes, format=format or "npy", kind="scene"
+        )
         return calls.read_result(await self._converse(call))
 
     async def explain_scene(
@@ -94,8 +132,46 @@ class AsyncClient(Transport):
         **wishes: Any,
     ) -> dict[str, Any]:
         """As `Client.explain_scene`."""
-        call = await asyncio.to_thread(calls.scene_call, scene, images, wishes, format=format, explain=True)
+        call = await asyncio.to_thread(
+            calls.pipeline_call, scene, None, images, wishes, format=format, explain=True, kind="scene"
+        )
         return await self._document(call)
+
+    async def submit(
+        self,
+        operation: str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **values: Any,
+    ) -> AsyncJob:
+        """As `Client.submit`."""
+        call = await asyncio.to_thread(calls.run_call, operation, image, values, images=images, format=format)
+        return AsyncJob(self, str((await self._document(calls.as_job(call)))["id"]))
+
+    async def submit_pipeline(
+        self,
+        pipeline: Pipeline | Mapping[str, Any] | str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> AsyncJob:
+        """As `Client.submit_pipeline`."""
+        call = await asyncio.to_thread(calls.pipeline_call, pipeline, image, images, wishes, format=format)
+        return AsyncJob(self, str((await self._document(calls.as_job(call)))["id"]))
+
+    def job(self, id: str) -> AsyncJob:
+        """As `Client.job`; asks nobody."""
+        return AsyncJob(self, id)
+
+    async def store(self, image: ImageLike) -> Asset:
+        """As `Client.store`."""
+        return calls.read_asset(await self._converse(await asyncio.to_thread(calls.asset_call, image)))
 
     async def operations(self) -> dict[str, Any]:
         """As `Client.operations`."""
@@ -110,7 +186,12 @@ class AsyncClient(Transport):
         return await self._document(calls.get_call("v1", "version"))
 
     async def close(self) -> None:
-        await self._http.aclose()
+        if self._shared:
+            return
+        if self._inside is not None:
+            await asyncio.to_thread(self._inside.close)
+        else:
+            await self._http.aclose()
 
     async def __aenter__(self) -> Self:
         return self
@@ -140,6 +221,8 @@ class AsyncClient(Transport):
             return reply
 
     async def _send(self, call: Call, deadline: float) -> Reply:
+        if self._inside is not None:
+            return await asyncio.to_thread(self._answer_here, call, deadline)
         body = bytearray()
         left = max(deadline - time.monotonic(), 1e-3)
         with failures(call, self.url):
@@ -147,3 +230,39 @@ class AsyncClient(Transport):
                 async for piece in response.aiter_bytes():
                     body += piece
                 return reply_of(response, body)
+
+
+class AsyncJob:
+    """`Job` for asyncio."""
+
+    def __init__(self, client: AsyncClient, id: str) -> None:
+        self._client = client
+        self.id = id
+
+    async def state(self) -> State:
+        """As `Job.state`."""
+        return jobs.State.read(await self._client._document(calls.get_call("v1", "jobs", self.id)))
+
+    async def wait(self, timeout: float | None = None, *, progress: Progress = False) -> State:
+        """As `Job.wait`."""
+        until = None if timeout is None else time.monotonic() + timeout
+        tell, pause = jobs.teller(progress), jobs.looks()
+        while True:
+            state = await self.state()
+            tell(state)
+            if state.ended:
+                return state
+            seconds = pause()
+            if until is not None and time.monotonic() + seconds > until:
+                raise TimedOut(f"job {self.id} has not ended within {timeout:g} s")
+            await asyncio.sleep(seconds)
+
+    async def result(self, timeout: float | None = None, *, progress: Progress = False) -> Result | Results:
+        """As `Job.result`."""
+        if (await self.wait(timeout, progress=progress)).status == "dismissed":
+            raise jobs.Dismissed(f"job {self.id} was dismissed")
+        return calls.read_any(await self._client._converse(calls.result_call(self.id)))
+
+    async def dismiss(self) -> None:
+        """As `Job.dismiss`."""
+        calls.require_success(await self._client._converse(calls.delete_call("v1", "jobs", self.id)))

@@ -4,26 +4,31 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self
 
-from lichen_client import calls
-from lichen_client.calls import Call
-from lichen_client.errors import ConnectionFailed
+from lichen_client import calls, jobs
+from lichen_client.calls import Asset, Call
+from lichen_client.errors import ConnectionFailed, TimedOut
+from lichen_client.operations import Operations
 from lichen_client.results import Result, Results
 from lichen_client.retry import Reply, Wait, conversation
 from lichen_client.transport import Transport, failures, reply_of
 
 if TYPE_CHECKING:
     from lichen_client.calls import ImageLike
+    from lichen_client.jobs import Progress, State
     from lichen_client.pipeline import Pipeline
 
 
-class Client(Transport):
+class Client(Transport, Operations[Result]):
     """A connection to a Lichen service, for blocking code.
 
     >>> with Client("http://127.0.0.1:8080") as client:  # doctest: +SKIP
-    ...     result = client.run("gaussian", "photo.jpg", sigma=5)
+    ...     result = client.gaussian("photo.jpg", sigma=5)
     ...     result.array.shape, result.report.method, result.report.error
+
+    Every operation is a method; `run` takes the name of any, also of one that is newer than this client.
 
     One client may be used by any number of threads at once. Close it, or use it in a `with` block, to give back its
     connections. `timeout` is checked between reads, so an answer that trickles may overrun it by one pause.
@@ -34,24 +39,55 @@ class Client(Transport):
 
         self._http = httpx2.Client(**self._arguments())
 
-    def run(self, operation: str, image: ImageLike = None, /, *, format: str | None = None, **values: Any) -> Result:
+    def run(
+        self,
+        operation: str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **values: Any,
+    ) -> Result:
         """Runs an operation and returns its result.
 
-        image: the operation's first input: an array (height, width[, channels]), the bytes of an encoded image, or a
-            path to one. Further inputs are keywords holding arrays, bytes or `pathlib.Path`s.
+        image: the operation's first input: an array (height, width[, channels]), a picture of Pillow's, the bytes of an
+            encoded image, a path to one, or an `Asset`. Further inputs are keywords holding any of these, paths as
+            `pathlib.Path`; or `images` has all of them by name.
         format: name of the format to get the encoded image in, such as "png"; without it the result is an array.
         values: the operation's parameters and knobs, and the service's own: method, max_error, max_ms, device,
             nonfinite, space, storage ...
 
         Raises `StatusError` (what the service says against it), `ConnectionFailed`, or OSError for an unreadable path.
         """
-        return calls.read_result(self._converse(calls.run_call(operation, image, values, format=format)))
+        call = calls.run_call(operation, image, values, images=images, format=format)
+        result = calls.read_result(self._converse(call))
+        return replace(result, plan=lambda: self.explain(operation, image, images=images, format=format, **values))
 
     def explain(
-        self, operation: str, image: ImageLike = None, /, *, format: str | None = None, **values: Any
+        self,
+        operation: str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **values: Any,
     ) -> dict[str, Any]:
         """The plan the service would follow for the same `run`, and why; no pixel is computed."""
-        call = calls.run_call(operation, image, values, format=format, explain=True)
+        return self._document(calls.run_call(operation, image, values, images=images, format=format, explain=True))
+
+    def find(
+        self,
+        operation: str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        **values: Any,
+    ) -> dict[str, Any]:
+        """What an operation such as `statistics` reports beside pixels, without the pixels."""
+        call = calls.run_call(operation, image, values, images=images, format=None, accept="application/json")
         return self._document(call)
 
     def run_pipeline(
@@ -100,14 +136,9 @@ class Client(Transport):
         format: str | None = None,
         **wishes: Any,
     ) -> Result:
-        """Renders a scene: a mapping or its JSON; `images` holds the buffers that it names.
-
-        format: of the picture; without it an array of scene-linear light.
-        wishes: as those of `run_pipeline`; `prune=False` computes what cannot be seen, too.
-
-        Raises as `run`.
-        """
-        return calls.read_result(self._converse(calls.scene_call(scene, images, wishes, format=format)))
+        """The picture of a scene, a mapping or its JSON, with the buffers it names in `images`. Raises as `run`."""
+        call = calls.pipeline_call(scene, None, images, wishes, format=format or "npy", kind="scene")
+        return calls.read_result(self._converse(call))
 
     def explain_scene(
         self,
@@ -118,8 +149,47 @@ class Client(Transport):
         format: str | None = None,
         **wishes: Any,
     ) -> dict[str, Any]:
-        """Which effects the service would run for the same `render`, and why not the others; no pixel is computed."""
-        return self._document(calls.scene_call(scene, images, wishes, format=format, explain=True))
+        """Which effects of a scene would run, and why the others would not; no pixel is computed."""
+        call = calls.pipeline_call(scene, None, images, wishes, format=format, explain=True, kind="scene")
+        return self._document(call)
+
+    # ------------------------------------------------------------------------------------------- jobs and stored images
+
+    def submit(
+        self,
+        operation: str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **values: Any,
+    ) -> Job:
+        """Asks for what `run` would give and does not wait for it."""
+        return self._submitted(calls.run_call(operation, image, values, images=images, format=format))
+
+    def submit_pipeline(
+        self,
+        pipeline: Pipeline | Mapping[str, Any] | str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> Job:
+        """Asks for what `run_pipeline` would give and does not wait for it."""
+        return self._submitted(calls.pipeline_call(pipeline, image, images, wishes, format=format))
+
+    def job(self, id: str) -> Job:
+        """A job by its id, as another process may have made it."""
+        return Job(self, id)
+
+    def store(self, image: ImageLike) -> Asset:
+        """Lets the service keep an image, so that many calls may read it and it is sent once."""
+        return calls.read_asset(self._converse(calls.asset_call(image)))
+
+    # -------------------------------------------------------------------------------------------------------- documents
 
     def operations(self) -> dict[str, Any]:
         """What the service can do: the document of /v1/operations."""
@@ -133,14 +203,27 @@ class Client(Transport):
         """Versions of the service and of what it stands on."""
         return self._document(calls.get_call("v1", "version"))
 
+    @property
+    def with_raw_response(self) -> Raw:
+        """The same calls, answered with status, header fields and bytes as they came, refusals too."""
+        return Raw(self)
+
     def close(self) -> None:
-        self._http.close()
+        if self._shared:
+            return
+        if self._inside is not None:
+            self._inside.close()
+        else:
+            self._http.close()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+    def _submitted(self, call: Call) -> Job:
+        return Job(self, str(self._document(calls.as_job(call))["id"]))
 
     def _document(self, call: Call) -> dict[str, Any]:
         return calls.read_json(self._converse(call))
@@ -164,6 +247,8 @@ class Client(Transport):
             return reply
 
     def _send(self, call: Call, deadline: float) -> Reply:
+        if self._inside is not None:
+            return self._answer_here(call, deadline)
         body = bytearray()
         with failures(call, self.url), self._http.stream(**self._request(call, deadline)) as response:
             for piece in response.iter_bytes():
@@ -171,3 +256,84 @@ class Client(Transport):
                 if time.monotonic() > deadline:
                     raise TimeoutError
             return reply_of(response, body)
+
+
+class Job:
+    """Work that the service does in the background. May be asked from any thread."""
+
+    def __init__(self, client: Client, id: str) -> None:
+        self._client = client
+        self.id = id
+
+    def state(self) -> State:
+        """Where it is now."""
+        return jobs.State.read(self._client._document(calls.get_call("v1", "jobs", self.id)))
+
+    def wait(self, timeout: float | None = None, *, progress: Progress = False) -> State:
+        """Waits for its end. `progress` is called with per cent and stage at every look; True draws a bar.
+
+        Raises `TimedOut` after `timeout` seconds; the job goes on.
+        """
+        until = None if timeout is None else time.monotonic() + timeout
+        tell, pause = jobs.teller(progress), jobs.looks()
+        while True:
+            state = self.state()
+            tell(state)
+            if state.ended:
+                return state
+            seconds = pause()
+            if until is not None and time.monotonic() + seconds > until:
+                raise TimedOut(f"job {self.id} has not ended within {timeout:g} s")
+            time.sleep(seconds)
+
+    def result(self, timeout: float | None = None, *, progress: Progress = False) -> Result | Results:
+        """What it made, when it has ended; of a pipeline with several outputs the `Results`.
+
+        Raises what the call would have raised, `Dismissed` for a job that was given up, and as `wait`.
+        """
+        if self.wait(timeout, progress=progress).status == "dismissed":
+            raise jobs.Dismissed(f"job {self.id} was dismissed")
+        return calls.read_any(self._client._converse(calls.result_call(self.id)))
+
+    def dismiss(self) -> None:
+        """Gives it up, or, where it has ended, lets the service forget it."""
+        reply = self._client._converse(calls.delete_call("v1", "jobs", self.id))
+        calls.require_success(reply)
+
+
+class Raw:
+    """`Client.with_raw_response`."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+
+    def run(
+        self,
+        operation: str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **values: Any,
+    ) -> Reply:
+        """As `Client.run`."""
+        call = calls.run_call(operation, image, values, images=images, format=format, accept="*/*")
+        return self._client._converse(call)
+
+    def run_pipeline(
+        self,
+        pipeline: Pipeline | Mapping[str, Any] | str,
+        image: ImageLike = None,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> Reply:
+        """As `Client.run_pipeline`."""
+        return self._client._converse(calls.pipeline_call(pipeline, image, images, wishes, format=format))
+
+    def get(self, *path: str) -> Reply:
+        """What lies at a path: `get("v1", "limits")`."""
+        return self._client._converse(calls.get_call(*path))

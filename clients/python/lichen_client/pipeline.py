@@ -127,6 +127,10 @@ class Pipeline:
             + "\n</svg>\n"
         )
 
+    def _repr_svg_(self) -> str | None:
+        """What a notebook shows."""
+        return self.to_svg() if self.nodes or self.outputs else None
+
     def _shown(self, name: str) -> tuple[str, str, str, list[str]]:
         """Kind, two lines of text and sources of a box."""
         if name.startswith(_PREFIX):

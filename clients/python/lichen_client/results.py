@@ -6,8 +6,8 @@ import json
 import os
 import re
 import threading
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from lichen_client.retry import Reply
 if TYPE_CHECKING:
     import numpy as np
 
+MIXED = "multipart/mixed"
 _SUFFIXES = {
     ".npy": NPY,
     ".png": "image/png",
@@ -75,6 +76,8 @@ class Report:
     """NaN and infinite samples in the result; None where the service did not count"""
     request_id: str
     etag: str
+    space: str = ""
+    """what the numbers mean: srgb, linear or data"""
 
     @classmethod
     def read(cls, headers: Mapping[str, str]) -> Report:
@@ -90,6 +93,7 @@ class Report:
             nonfinite=int(nonfinite) if nonfinite.isascii() and nonfinite.isdigit() else None,
             request_id=headers.get("x-request-id", ""),
             etag=headers.get("etag", ""),
+            space=headers.get("lichen-space", "").partition(";")[0].strip(),
         )
 
 
@@ -136,11 +140,53 @@ class Result:
     report: Report
     body: bytearray = field(repr=False)
     """the bytes as they came; `array` shares their memory"""
+    findings: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    """what the operation reports beside pixels"""
+    map: Result | None = field(default=None, repr=False)
+    """with `verify=True`: a picture of the errors that were found"""
+    plan: Callable[[], Any] | None = field(default=None, repr=False, compare=False)
+    """asks the service for the plan that this result followed; see `explain`"""
 
     @classmethod
     def read(cls, reply: Reply) -> Result:
+        """From an answer, of several parts too. Raises ValueError where these cannot be told apart."""
+        if is_mixed(reply):
+            return cls._of_parts(reply)
         media_type = reply.headers.get("content-type", "").partition(";")[0].strip().lower()
         return cls(media_type, Report.read(reply.headers), reply.body)
+
+    @classmethod
+    def _of_parts(cls, reply: Reply) -> Result:
+        pictures: list[Result] = []
+        findings: Mapping[str, Any] = {}
+        for headers, body in parts_of(reply):
+            if headers.get("content-type", "").startswith("application/json"):
+                findings = json.loads(body)
+            else:
+                pictures.append(cls.read(Reply(reply.status, {**reply.headers, **headers}, body)))
+        if not pictures:
+            raise ValueError("it holds no picture")
+        return replace(pictures[0], findings=findings, map=pictures[1] if len(pictures) > 1 else None)
+
+    def explain(self) -> Any:
+        """The plan this result followed: nodes, methods with what the others would have cost, decisions with reasons.
+
+        Asks the service once more, without computing a pixel; of an `AsyncClient`, to be awaited.
+        """
+        if self.plan is None:
+            raise ValueError("this result does not know where it came from")
+        return self.plan()
+
+    def _repr_png_(self) -> bytes | None:
+        """What a notebook shows."""
+        if self.media_type == NPY:
+            from lichen_client.preview import png_of
+
+            return png_of(self.array, linear=self.report.space == "linear")
+        return self.content if self.media_type == "image/png" else None
+
+    def _repr_jpeg_(self) -> bytes | None:
+        return self.content if self.media_type == "image/jpeg" else None
 
     @cached_property
     def array(self) -> np.ndarray[Any, np.dtype[Any]]:
@@ -194,13 +240,27 @@ class Results(Mapping[str, Result]):
     def __len__(self) -> int:
         return len(self.outputs)
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the outputs under their names."""
+        import base64
+        import html
+
+        shown = []
+        for name, result in self.outputs.items():
+            jpeg, png = result._repr_jpeg_(), result._repr_png_()
+            data, kind = (jpeg, "jpeg") if jpeg else (png, "png")
+            source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}" if data else ""
+            picture = f'<img src="{source}">' if source else html.escape(result.media_type)
+            shown.append(f"<figure>{picture}<figcaption>{html.escape(name)}</figcaption></figure>")
+        return "\n".join(shown)
+
     @classmethod
     def read(cls, reply: Reply) -> Results:
         """From an answer of several parts. Raises ValueError where it is none."""
         outputs: dict[str, Result] = {}
         maps: dict[str, Result] = {}
         findings: dict[str, Any] = {}
-        for headers, body in _parts(reply):
+        for headers, body in parts_of(reply):
             media_type = headers.get("content-type", "").partition(";")[0].strip().lower()
             if media_type == "application/json":
                 findings = json.loads(body)
@@ -211,7 +271,12 @@ class Results(Mapping[str, Result]):
         return cls(outputs, findings, maps)
 
 
-def _parts(reply: Reply) -> Iterator[tuple[dict[str, str], bytearray]]:
+def is_mixed(reply: Reply) -> bool:
+    """Whether an answer has several parts."""
+    return reply.headers.get("content-type", "").lower().startswith("multipart/")
+
+
+def parts_of(reply: Reply) -> Iterator[tuple[dict[str, str], bytearray]]:
     """Headers (lower-case) and bodies of a multipart body (RFC 2046). Raises ValueError."""
     content_type = reply.headers.get("content-type", "")
     found = re.search(r'boundary="?([^";]+)"?', content_type)

@@ -5,10 +5,12 @@ httpx2 is imported when a client is made, not with the package, and appears in n
 
 from __future__ import annotations
 
+import copy
+import importlib
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from lichen_client import calls
 from lichen_client.calls import Call
@@ -34,6 +36,9 @@ class Transport:
         retries: Retries | int = Retries(),  # noqa: B008  (frozen)
         connections: int = 16,
         headers: Mapping[str, str] | None = None,
+        key: str | None = None,
+        local: bool = False,
+        memory: int | None = None,
     ) -> None:
         """
         url: address of the service; LICHEN_URL, else http://127.0.0.1:8080, where it is None.
@@ -41,38 +46,80 @@ class Transport:
         retries: how often to try again, or the whole rule.
         connections: open connections at most; more calls at a time than that wait for one another.
         headers: further header fields of every request.
+        key: the key that the service asks for; LICHEN_KEY where it is None.
+        local: ask nobody: run the same engine in this process, with the same answers. Needs Lichen itself installed.
+        memory: with `local`, bytes that the images of one call may take.
         """
         if not timeout > 0:
             raise ValueError(f"timeout must be above 0 (got {timeout})")
-        self.url = calls.base_url(url)
+        self.url = "this process" if local else calls.base_url(url)
         self.timeout = timeout
         self.retries = Retries(count=retries) if isinstance(retries, int) else retries
-        self._headers = {"User-Agent": f"lichen-client/{__version__}", **(headers or {})}
+        self._headers = {"User-Agent": f"lichen-client/{__version__}", **calls.authorization(key), **(headers or {})}
         self._connections = connections
-        self._open()
+        self._shared = False
+        self._inside: Any = None
+        if local:
+            self._inside = _opened(memory)
+        else:
+            self._open()
 
     def _open(self) -> None:
         raise NotImplementedError
+
+    def with_options(
+        self,
+        *,
+        timeout: float | None = None,
+        retries: Retries | int | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> Self:
+        """This client with other options. It shares the connections, and closing it leaves them open."""
+        other = copy.copy(self)
+        other._shared = True
+        if timeout is not None:
+            if not timeout > 0:
+                raise ValueError(f"timeout must be above 0 (got {timeout})")
+            other.timeout = timeout
+        if retries is not None:
+            other.retries = Retries(count=retries) if isinstance(retries, int) else retries
+        other._headers = {**self._headers, **(headers or {})}
+        return other
 
     def _arguments(self) -> dict[str, Any]:
         import httpx2
 
         limits = httpx2.Limits(max_connections=self._connections, max_keepalive_connections=self._connections)
-        return {"headers": self._headers, "limits": limits, "timeout": None, "follow_redirects": False}
+        return {"limits": limits, "timeout": None, "follow_redirects": False}
 
     def _request(self, call: Call, deadline: float) -> dict[str, Any]:
-        """Arguments of one try, whose every step has the time that is left."""
+        """Arguments of one try, whose every step has the time that is left; the service is told how much that is."""
         import httpx2
 
         left = max(deadline - time.monotonic(), 1e-3)
         return {
             "method": call.method,
             "url": self.url + call.target,
-            "headers": call.headers,
+            "headers": {**self._headers, **call.headers, "Request-Timeout": str(max(1, int(min(left, 1e6) * 1e3)))},
             "content": call.content,
-            "files": call.files,
             "timeout": httpx2.Timeout(left, connect=min(left, CONNECT_TIMEOUT)),
         }
+
+    def _answer_here(self, call: Call, deadline: float) -> Reply:
+        """The answer of the engine in this process."""
+        headers = {**self._headers, **call.headers}
+        left = max(deadline - time.monotonic(), 1e-3)
+        status, told, body = self._inside.ask(call.method, call.target, headers, call.content or b"", left)
+        return Reply(status, told, body if isinstance(body, bytearray) else bytearray(body))
+
+
+def _opened(memory: int | None) -> Any:
+    """The service without a socket, found by its name: this package needs it for nothing else."""
+    try:
+        inside = importlib.import_module("lichen_service.inside")
+    except ImportError as missing:
+        raise ImportError("local=True runs the engine here, and Lichen itself is not installed") from missing
+    return inside.open_inside(memory=memory)
 
 
 @contextmanager

@@ -1,0 +1,232 @@
+"""Processes that do items, each within a time and a memory of its own.
+
+A codec or a kernel that hangs cannot be stopped from within its process, and one that takes all memory takes its
+neighbours along. So items are done by processes that are watched from here: one that takes too long or holds too
+much is killed, its item has failed, and another process takes its place. Whatever else ends a process (a signal, the
+system's own killer) costs the item that it was doing, which is worth another try.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import select
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from lichen_batch.item import Item, Outcome, Problem, failure
+
+STARTING = 300.0
+"""Seconds a process has to be ready: on a machine that never ran one, kernels are compiled meanwhile."""
+LOOK = 0.02
+"""Seconds between looks at the memory of a process at work."""
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What one item may take."""
+
+    seconds: float | None = None
+    memory: int | None = None
+    """bytes that the process doing it may hold"""
+    threads: int = 1
+    """that kernels run on"""
+
+
+class Ended(Exception):
+    """A process ended before it answered; the text says how."""
+
+
+class Hand:
+    """One process. Belongs to one thread at a time."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._process: subprocess.Popen[bytes] | None = None
+        self._said = bytearray()
+        self._errors: Path | None = None
+        self._warm = False
+        """whether it has said that it is ready"""
+
+    def do(self, item: Item) -> Outcome:
+        """The outcome of an item, whatever becomes of the process."""
+        began = time.monotonic()
+        try:
+            process = self._ready()
+            began = time.monotonic()
+            assert process.stdin is not None
+            process.stdin.write(json.dumps(item.to_json(), separators=(",", ":")).encode() + b"\n")
+            process.stdin.flush()
+            return Outcome.from_json(json.loads(self._line(self._limits.seconds, self._limits.memory)))
+        except TimeoutError:
+            self.end()
+            problem = Problem("too-slow", f"It took longer than {self._limits.seconds:g} s.")
+        except MemoryError as held:
+            self.end()
+            problem = Problem("out-of-memory", str(held))
+        except (Ended, OSError) as died:
+            how = self._how(died)
+            self.end()
+            problem = Problem("died", f"The process that did it ended: {how}", retryable=True)
+        return failure(item, problem, {"ask": round(time.monotonic() - began, 6)})
+
+    def start(self) -> None:
+        """Begins to start the process, which takes seconds."""
+        if self._process is not None and self._process.poll() is None:
+            return
+        self.end()
+        handle, name = tempfile.mkstemp(prefix="lichen-hand-", suffix=".log")
+        self._errors = Path(name)
+        threads = str(self._limits.threads)
+        # Not those of BLAS: its products are rounded by their number, which must be that of every other process.
+        names = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OPENCV_FOR_THREADS_NUM")
+        environment = {**dict.fromkeys(names, threads), "MALLOC_ARENA_MAX": "2", **os.environ}
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "lichen_batch.hand"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=handle,
+                env=environment,
+                start_new_session=True,  # a Ctrl-C in the terminal is ours to answer
+            )
+        finally:
+            os.close(handle)
+        self._said.clear()
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps({"memory": self._limits.memory}).encode() + b"\n")
+        self._process.stdin.flush()
+
+    def _ready(self) -> subprocess.Popen[bytes]:
+        fresh = self._process is None or self._process.poll() is not None
+        if fresh:
+            self.start()
+        assert self._process is not None
+        if fresh or not self._warm:
+            try:
+                self._line(STARTING, None)
+            except TimeoutError:
+                raise Ended(f"it was not ready within {STARTING:g} s") from None
+            self._warm = True
+        return self._process
+
+    def end(self) -> None:
+        """Kills the process."""
+        self._warm = False
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            for pipe in (self._process.stdin, self._process.stdout):
+                if pipe is not None:
+                    with contextlib.suppress(OSError):
+                        pipe.close()
+            self._process = None
+        if self._errors is not None:
+            self._errors.unlink(missing_ok=True)
+            self._errors = None
+
+    def _line(self, seconds: float | None, memory: int | None) -> bytes:
+        """The next line it says. Raises `TimeoutError`, `MemoryError` or `Ended`."""
+        process = self._process
+        assert process is not None
+        assert process.stdout is not None
+        descriptor = process.stdout.fileno()
+        deadline = None if seconds is None else time.monotonic() + seconds
+        while b"\n" not in self._said:
+            left = None if deadline is None else deadline - time.monotonic()
+            if left is not None and left <= 0:
+                raise TimeoutError
+            pause = min(LOOK if memory is not None else 1.0, left if left is not None else 1.0)
+            if select.select([descriptor], [], [], pause)[0]:
+                piece = os.read(descriptor, 1 << 16)
+                if not piece:
+                    raise Ended("")
+                self._said += piece
+            elif memory is not None and (held := _resident(process.pid)) > memory:
+                raise MemoryError(f"Its process held {held} bytes, {memory} are allowed.")
+        line, _, rest = bytes(self._said).partition(b"\n")
+        self._said[:] = rest
+        return line
+
+    def _how(self, died: Exception) -> str:
+        """How the process ended, and the last that it said."""
+        assert self._process is not None
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(5.0)
+        status = self._process.returncode
+        how = str(died) if status is None else f"signal {-status}" if status < 0 else f"status {status}"
+        said = self._errors.read_text(errors="replace").strip().splitlines() if self._errors is not None else []
+        return f"{how}; {said[-1][:300]}" if said else how
+
+
+def _resident(process: int) -> int:
+    """Bytes of memory a process holds; 0 where it is gone."""
+    try:
+        return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * _PAGE
+    except (OSError, IndexError, ValueError):
+        return 0
+
+
+class Hands:
+    """Several of them, each used by one item at a time."""
+
+    def __init__(self, count: int, limits: Limits) -> None:
+        self._all = [Hand(limits) for _ in range(count)]
+        self._free: queue.SimpleQueue[Hand] = queue.SimpleQueue()
+        self._started = False
+        self._lock = threading.Lock()
+        for each in self._all:
+            self._free.put(each)
+
+    def start(self) -> None:
+        """Starts all processes at once, and waits for none."""
+        with self._lock:
+            started, self._started = self._started, True
+        if not started:
+            for each in self._all:
+                each.start()
+
+    @contextlib.contextmanager
+    def one(self) -> Iterator[Hand]:
+        hand = self._free.get()
+        try:
+            yield hand
+        finally:
+            self._free.put(hand)
+
+    def do(self, item: Item) -> Outcome:
+        with self.one() as hand:
+            return hand.do(item)
+
+    def end(self) -> None:
+        for each in self._all:
+            each.end()
+
+
+class LocalEngine:
+    """Items done by processes of this machine."""
+
+    def __init__(self, count: int, limits: Limits) -> None:
+        self.capacity = count
+        self.name = f"{count} process{'es' if count > 1 else ''} here"
+        self._hands = Hands(count, limits)
+        self._pool = ThreadPoolExecutor(count, thread_name_prefix="hand")
+        self._hands.start()
+
+    def submit(self, item: Item) -> Future[Outcome]:
+        return self._pool.submit(self._hands.do, item)
+
+    def end(self) -> None:
+        """Kills what is still at work."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._hands.end()

@@ -1,0 +1,93 @@
+"""`lichen run ... --url URL`: the same command line, computed by a service."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from lichen_cli import files
+from lichen_cli.main import FAILED, INVALID, Usage
+
+if TYPE_CHECKING:
+    from lichen_cli.options import Given
+    from lichen_client import Result
+
+
+def taken(arguments: Sequence[str]) -> tuple[str | None, list[str]]:
+    """The value of --url, and the command line without it."""
+    rest: list[str] = []
+    url = None
+    tokens = iter(arguments)
+    for token in tokens:
+        name, equals, value = token.partition("=")
+        if name != "--url":
+            rest.append(token)
+            continue
+        url = value if equals else next(tokens, None)
+        if not url:
+            raise Usage("--url takes the address of a service")
+    return url, rest
+
+
+def run(url: str, operation: str, given: Given) -> int:
+    """One operation on files; the result goes where it would go without a service."""
+    from lichen_client import Client, LichenClientError
+
+    values: dict[str, Any] = dict(given.values)
+    explain = values.pop("explain", "false") == "true"
+    if given.json and given.output == "-":
+        raise Usage("standard output can hold the picture or, with --json, the report, not both")
+    format = values.pop("format", None) or (files.format_of(given.output) if given.output not in (None, "-") else None)
+    began = time.perf_counter()
+    images = {name: files.read(path) for name, path in given.inputs.items()}
+    try:
+        with Client(url) as client:
+            if explain:
+                files.print_json(client.explain(operation, images=images, format=format, **values))
+                return 0
+            if given.output is None:
+                files.print_json(client.find(operation, images=images, **values))
+                return 0
+            result = client.run(operation, images=images, format=format or _own(images), **values)
+    except LichenClientError as wrong:
+        return _told(wrong)
+    files.write(given.output, result.content)
+    _report(result, given, time.perf_counter() - began)
+    return 0
+
+
+def _own(images: Mapping[str, bytes]) -> str:
+    """The format that a result goes to standard output in: that of the first picture."""
+    from lichen.files import recognise
+
+    return recognise(next(iter(images.values()))).name if images else "exr"
+
+
+def _report(result: Result, given: Given, seconds: float) -> None:
+    report = result.report
+    error = None if report.error is None else {"value": report.error.value, "kind": report.error.kind}
+    if given.json:
+        told = {"method": report.method, "device": report.device, "error": error, "nonfinite": report.nonfinite}
+        more = {"findings": result.findings, "seconds": {**report.timing, "whole": seconds}, "skipped": report.skipped}
+        files.print_json({**told, **more, "output": {"path": given.output, "media_type": result.media_type}})
+        return
+    stated = f", error at most {report.error.value:.3g} ({report.error.kind})" if report.error else ""
+    print(f"{report.method} on {report.device}{stated} ({seconds * 1e3:.1f} ms with the way there)", file=sys.stderr)
+
+
+def _told(wrong: Exception) -> int:
+    """What the service says against it, as the library would say it."""
+    from lichen_client import StatusError
+
+    if not isinstance(wrong, StatusError):
+        print(f"lichen: {wrong}", file=sys.stderr)
+        return FAILED
+    print(f"lichen: {wrong.detail or wrong.title or wrong}", file=sys.stderr)
+    for flaw in wrong.errors:
+        name = flaw.pointer.rpartition("/")[2]
+        print(
+            f"  {name if '/inputs/' in flaw.pointer else '--' + name.replace('_', '-')}: {flaw.detail}", file=sys.stderr
+        )
+    return INVALID if 400 <= wrong.status < 500 else FAILED

@@ -1,0 +1,124 @@
+"""Kills a batch again and again, resumes it each time, and shows that nothing was lost and nothing was done twice.
+
+    .venv/bin/python tests/clients/batch_soak.py --items 500 --kills 100
+
+Kills are SIGKILL at random moments, to the command or to one of the processes that do its items. At the end every item
+must have one line in the journal, and every output the bytes that a run without kills gives it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lichen_client import Client
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--items", type=int, default=500)
+    parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    os.environ.setdefault("LICHEN_DEVICE", "numpy")
+    draws = random.Random(given.seed)
+    with tempfile.TemporaryDirectory() as folder:
+        manifest, out = _manifest(Path(folder), given.items), Path(folder) / "out"
+        kills = Counter[str]()
+        began = time.monotonic()
+        while sum(kills.values()) < given.kills:
+            process = _start(manifest, out)
+            known = len(_lines(out))
+            wanted = known + draws.randint(0, max(1, 2 * given.items // max(given.kills, 1)))
+            while process.poll() is None and len(_lines(out)) < wanted:
+                time.sleep(0.002)
+            time.sleep(draws.uniform(0, 0.02))
+            hands = _children(process.pid)
+            if hands and draws.random() < 0.2:
+                _kill(draws.choice(hands))
+                kills["of a process that does items"] += 1
+            else:
+                kills["of the command"] += process.poll() is None
+                process.kill()
+            if len(_lines(out)) >= given.items - 2:  # nothing is left to be killed at: begin anew
+                process.wait()
+                break
+            process.kill()
+            process.wait()
+        last = _start(manifest, out)
+        last.wait()
+        wrong = _compare(Path(folder), out, given.items)
+        told = {"items": given.items, "kills": dict(kills), "seconds": round(time.monotonic() - began, 1), **wrong}
+        print(json.dumps({**told, "status": last.returncode}))
+        return 0 if last.returncode == 0 and not any(wrong.values()) else 1
+
+
+def _manifest(folder: Path, count: int) -> Path:
+    path = folder / "items.jsonl"
+    lines = []
+    for number in range(count):
+        np.save(folder / f"{number}.npy", np.random.default_rng(number).random((40, 60, 3), np.float32))
+        line = {"id": str(number), "operation": "gaussian", "input": f"{number}.npy", "output": f"{number}.tif"}
+        lines.append(json.dumps({**line, "parameters": {"sigma": 1 + number % 7}}))
+    path.write_text("\n".join(lines))
+    return path
+
+
+def _start(manifest: Path, out: Path) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "lichen_cli", "batch", "run", str(manifest), "--out", str(out), "--resume"]
+    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen([*command, "--workers", "2"], **quiet)  # type: ignore[call-overload, no-any-return]
+
+
+def _lines(out: Path) -> list[dict[str, Any]]:
+    path = out / "results.jsonl"
+    return [json.loads(line) for line in path.read_text().split("\n")[:-1]] if path.exists() else []
+
+
+def _children(process: int) -> list[int]:
+    try:
+        return [int(each) for each in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+    except OSError:
+        return []
+
+
+def _kill(process: int) -> None:
+    try:
+        os.kill(process, signal.SIGKILL)
+    except ProcessLookupError:
+        return
+    time.sleep(0.3)  # its item is given to another
+
+
+def _compare(folder: Path, out: Path, count: int) -> dict[str, int]:
+    """How many items were lost, done twice or failed, how many outputs are wrong, and how many leftovers there are."""
+    lines = Counter(line["id"] for line in _lines(out) if line["status"] == "ok")
+    wrong = 0
+    with Client(local=True) as client:
+        for number in range(count):
+            path = out / f"{number}.tif"
+            made = client.gaussian(folder / f"{number}.npy", sigma=1 + number % 7, format="tiff").content
+            wrong += not path.exists() or path.read_bytes() != made
+    return {
+        "lost": sum(str(number) not in lines for number in range(count)),
+        "twice": sum(each > 1 for each in lines.values()),
+        "failed": sum(line["status"] != "ok" for line in _lines(out)),
+        "wrong": wrong,
+        "leftovers": sum(path.name.startswith(".") for path in out.iterdir()),
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

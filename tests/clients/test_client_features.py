@@ -1,0 +1,287 @@
+"""What the Python client offers beside sending and receiving: methods, local work, jobs, stored images, notebooks."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import io
+import json
+import runpy
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+
+import lichen
+from lichen.catalogue import operations
+from lichen.files import encode
+from lichen.image import Image, Space, Storage
+from lichen_client import (
+    Asset,
+    AsyncClient,
+    Client,
+    Dismissed,
+    NotFound,
+    Pipeline,
+    Results,
+    Retries,
+    TimedOut,
+    Unprocessable,
+)
+from lichen_client.preview import png_of
+
+NPY = ("Content-Type", "application/x-npy")
+
+
+def npy(array: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+@pytest.fixture
+def image() -> np.ndarray:
+    return np.random.default_rng(11).random((21, 34, 3), np.float32)
+
+
+# --------------------------------------------------------------------------------------------------------- the methods
+
+
+def test_the_methods_are_those_of_the_catalogue(root: Path) -> None:
+    made = runpy.run_path(str(root / "clients/python/make.py"))["text"]()
+    assert (root / "clients/python/lichen_client/operations.py").read_text() == made, "run `make client`"
+
+
+@pytest.mark.parametrize("kind", [Client, AsyncClient])
+def test_every_operation_is_a_method_with_its_parameters(kind: type) -> None:
+    for name, operation in operations().items():
+        method = getattr(kind, name)
+        given = inspect.signature(method).parameters
+        wanted = {*operation.parameters.model_fields, *operation.knobs, *(each.name for each in operation.inputs[1:])}
+        assert wanted <= given.keys(), name
+        assert method.__doc__.startswith(operation.summary.strip()[:20])
+
+
+def test_a_method_sends_what_it_was_given_and_nothing_else(server: Any, answer: Any) -> None:
+    server.script = [answer(headers=[NPY], body=npy(np.zeros((1, 1))))]
+    with Client(server.url) as client:
+        client.gaussian(b"x", sigma=5, max_error=1e-4)
+        client.lic(b"x", texture=b"y", length=3.0)
+    first, second = server.received
+    query = parse_qs(urlsplit(first.target).query)
+    assert query == {"sigma": ["5"], "max_error": ["0.0001"], "format": ["npy"]}
+    assert b'name="texture"' in second.body
+
+
+# -------------------------------------------------------------------------------------------------------- this process
+
+
+@pytest.fixture(scope="module")
+def local() -> Iterator[Client]:
+    with Client(local=True) as client:
+        yield client
+
+
+def test_the_engine_here_answers_as_the_library_does(local: Client, image: np.ndarray) -> None:
+    result = local.gaussian(image, sigma=2.5, method="fir", device="numpy")
+    expected = lichen.run("gaussian", image, sigma=2.5, method="fir", device="numpy")
+    np.testing.assert_array_equal(result.array, expected.image.pixels)
+    assert result.report.method == expected.method
+    assert result.explain()["nodes"][0]["operation"] == "gaussian"
+    with pytest.raises(Unprocessable) as raised:
+        local.gaussian(image, sigma=-1)
+    assert [flaw.pointer for flaw in raised.value.errors] == ["/parameters/sigma"]
+    with pytest.raises(NotFound, match="gaussian"):
+        local.run("gausian", image)
+
+
+def test_findings_and_maps_come_beside_pixels(local: Client, image: np.ndarray) -> None:
+    assert local.find("statistics", image)["channels"]
+    result = local.statistics(image)
+    assert result.findings["channels"]
+    verified = local.gaussian(image, sigma=2, verify=True, device="numpy")
+    assert verified.report.measured is not None
+    assert verified.map is not None
+    assert verified.map.array.shape[:2] == image.shape[:2]
+
+
+def test_pipelines_and_stored_images_work_here_too(local: Client, image: np.ndarray) -> None:
+    kept = local.store(encode(Image(image, Space.SRGB, storage=Storage.UINT8), "png").data)
+    assert (kept.width, kept.height, kept.channels) == (34, 21, 3)
+    p = Pipeline()
+    p.output("soft", p.add("gaussian", p.input(), sigma=2), format="png")
+    p.output("hard", p.add("levels", p.input(), gamma=2.0))
+    results = local.run_pipeline(p, kept)
+    assert (results["soft"].media_type, results["hard"].array.shape) == ("image/png", (21, 34, 3))
+    html = results._repr_html_()
+    assert html.count("<img") == 2
+    again = local.lic(np.ones((21, 34, 2), np.float32), texture=kept, length=2.0)
+    assert again.array.shape[:2] == (21, 34)
+
+
+SCENE = {
+    "camera": {"eye": [0, 1.5, 4], "target": [0, 0.6, 0], "width": 24, "height": 18},
+    "objects": [{"shape": "plane"}, {"shape": "sphere", "centre": [0, 0.8, 0], "radius": 0.8}],
+    "lights": [{"kind": "point", "position": [3, 5, 2], "intensity": 30}],
+}
+
+
+def test_a_scene_is_rendered_and_explained(local: Client) -> None:
+    picture = local.render(SCENE, device="numpy", format="png")
+    assert Pillow.open(io.BytesIO(picture.content)).size == (24, 18)
+    assert local.explain_scene(SCENE)["nodes"]
+    with pytest.raises(Unprocessable, match="mist"):
+        local.render({**SCENE, "mist": 1})
+
+
+def test_the_asynchronous_client_works_here_too(image: np.ndarray) -> None:
+    async def once() -> np.ndarray:
+        async with AsyncClient(local=True) as client:
+            result = await client.gaussian(image, sigma=1, device="numpy")
+            assert (await result.explain())["nodes"]
+            return result.array
+
+    np.testing.assert_array_equal(
+        asyncio.run(once()), lichen.run("gaussian", image, sigma=1, device="numpy").image.pixels
+    )
+
+
+# ---------------------------------------------------------------------------------------------------------- the images
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "RGB", "RGBA", "P", "I;16"])
+def test_pictures_of_pillow_lose_nothing(mode: str, server: Any, answer: Any) -> None:
+    server.script = [answer(headers=[("Content-Type", "image/png")], echo=True)]
+    picture = Pillow.effect_noise((9, 7), 80).convert(mode if mode != "I;16" else "I").convert(mode)
+    with Client(server.url) as client:
+        back = Pillow.open(io.BytesIO(client.run("gaussian", picture, format="png").content))
+    assert back.size == picture.size
+    np.testing.assert_array_equal(np.asarray(back.convert("RGBA")), np.asarray(picture.convert("RGBA")))
+
+
+def test_a_stored_image_is_named_by_its_input(server: Any, answer: Any) -> None:
+    server.script = [answer(headers=[NPY], body=npy(np.zeros((1, 1))))]
+    kept = Asset("sha256:" + "0" * 64)
+    with Client(server.url) as client:
+        client.lic(kept, texture=b"x")
+        client.run("lic", b"x", texture=kept)
+    first, second = server.received
+    assert parse_qs(urlsplit(first.target).query)["field"] == [kept.id]
+    assert parse_qs(urlsplit(second.target).query)["texture"] == [kept.id]
+    assert b'name="texture"' in first.body
+
+
+@pytest.mark.parametrize(("channels", "mode"), [(1, "L"), (2, "LA"), (3, "RGB"), (4, "RGBA"), (7, "RGB")])
+def test_a_notebook_shows_arrays(channels: int, mode: str) -> None:
+    array = np.linspace(-0.5, 1.5, 6 * 5 * channels, dtype=np.float32).reshape(6, 5, channels)
+    array[0, 0] = np.nan
+    shown = Pillow.open(io.BytesIO(png_of(array)))
+    assert shown.mode == mode
+    expected = np.rint(
+        np.clip(np.nan_to_num(array.astype(float), nan=0), 0, 1)[..., : min(channels, 4 if channels < 5 else 3)] * 255
+    )
+    np.testing.assert_array_equal(np.asarray(shown).reshape(expected.shape), expected)
+
+
+def test_a_large_or_linear_array_is_shown_small_and_encoded() -> None:
+    large = np.full((3000, 10), 255, np.uint8)
+    assert Pillow.open(io.BytesIO(png_of(large))).size == (4, 1000)
+    grey = np.asarray(Pillow.open(io.BytesIO(png_of(np.full((1, 1, 1), 0.5, np.float32), linear=True))))
+    assert grey[0, 0] == 188  # sRGB of one half, IEC 61966-2-1
+
+
+# ------------------------------------------------------------------------------------------------- options and answers
+
+
+def test_other_options_share_the_connections(server: Any, answer: Any) -> None:
+    server.script = [answer(503), answer(body=b"{}")]
+    with Client(server.url, retries=Retries(first=0.001)) as client:
+        hasty = client.with_options(retries=0, timeout=3, headers={"X-Request-ID": "mine"})
+        assert (hasty.timeout, client.timeout) == (3, 65.0)
+        with pytest.raises(Exception, match="503"):
+            hasty.version()
+        hasty.close()
+        client.version()
+        assert client.with_raw_response.get("v1", "version").status == 200
+        with pytest.raises(ValueError, match="timeout"):
+            client.with_options(timeout=-1)
+    assert server.received[0].headers["x-request-id"] == "mine"
+    assert 1 <= int(server.received[0].headers["request-timeout"]) <= 3000
+    assert "x-request-id" not in server.received[1].headers
+    assert server.connections == 1
+
+
+def test_a_raw_answer_is_what_came_refusals_too(server: Any, answer: Any) -> None:
+    server.script = [answer(422, [("X-A", "b")], b"no")]
+    with Client(server.url, key="secret") as client:
+        reply = client.with_raw_response.run("gaussian", b"x", sigma=1)
+    assert (reply.status, reply.headers["x-a"], bytes(reply.body)) == (422, "b", b"no")
+    assert server.received[0].headers["authorization"] == "Bearer secret"
+
+
+# ------------------------------------------------------------------------------------------------------------ the jobs
+
+
+def state(status: str, progress: int = 0) -> bytes:
+    return json.dumps({"id": "j1", "status": status, "progress": progress, "stage": "run"}).encode()
+
+
+def test_a_job_is_asked_for_once_and_told_of_as_it_goes(
+    server: Any, answer: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    array = np.ones((2, 3, 1), np.float32)
+    server.script = [
+        answer(503),
+        answer(202, body=state("accepted")),
+        answer(body=state("running", 40)),
+        answer(body=state("successful", 100)),
+        answer(headers=[NPY], body=npy(array)),
+    ]
+    seen: list[tuple[float, str]] = []
+    with Client(server.url, retries=Retries(first=0.001)) as client:
+        job = client.submit("gaussian", b"x", sigma=1)
+        result = job.result(progress=lambda percent, stage: seen.append((percent, stage)))
+    assert not isinstance(result, Results)
+    np.testing.assert_array_equal(result.array, array)
+    assert seen == [(40.0, "run"), (100.0, "run")]
+    first, second, *rest = server.received
+    assert first.headers["idempotency-key"] == second.headers["idempotency-key"]
+    assert (first.method, first.headers["prefer"]) == ("POST", "respond-async")
+    assert [each.target for each in rest] == ["/v1/jobs/j1", "/v1/jobs/j1", "/v1/jobs/j1/result"]
+
+
+def test_a_job_that_was_given_up_or_takes_long_is_an_error(
+    server: Any, answer: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    server.script = [answer(body=state("running", 50)), answer(body=state("dismissed", 50)), answer(204)]
+    with Client(server.url) as client:
+        job = client.job("j1")
+        with pytest.raises(TimedOut, match="has not ended"):
+            job.wait(0.01)
+        with pytest.raises(Dismissed):
+            job.result(progress=True)
+        job.dismiss()
+    assert "50 %" in capsys.readouterr().err
+    assert server.received[-1].method == "DELETE"
+
+
+def test_jobs_can_be_awaited(server: Any, answer: Any) -> None:
+    mixed = b"--b\r\nContent-Type: application/x-npy\r\nLichen-Output: %s\r\n\r\n%s\r\n"
+    body = b"".join(mixed % (name, npy(np.zeros((1, 1)))) for name in (b"one", b"two")) + b"--b--\r\n"
+    server.script = [
+        answer(202, body=state("accepted")),
+        answer(body=state("successful", 100)),
+        answer(headers=[("Content-Type", 'multipart/mixed; boundary="b"')], body=body),
+    ]
+
+    async def once() -> Any:
+        async with AsyncClient(server.url) as client:
+            return await (await client.submit_pipeline("levels|levels", b"x")).result(5)
+
+    results = asyncio.run(once())
+    assert isinstance(results, Results)
+    assert list(results) == ["one", "two"]
