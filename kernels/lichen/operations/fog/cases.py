@@ -81,7 +81,7 @@ CASES = (
             **BLACK, "kind": "layered", "density": 1, "heights": [-0.5, 0.5, 1, 4, 5, 6], "densities": [1, 1, 0, 0, 1,
             0],
         },
-        holds=_is(math.exp(-0.5), math.exp(-1.75 * 1.25), math.exp(-10), 0),
+        holds=_is(math.exp(-0.5), math.exp(-1.75 * 1.25), math.exp(-10), 0, within=1e-5),
     ),
     HardCase(
         name="a gap in which one looks level to the horizon",
