@@ -264,15 +264,16 @@ kernel void reflection(global const float *restrict normals, global const float 
     EACH made[i] = value(irradiance, &at, i, irradiance_wide, nearest);
 #endif
     EACH {
+        // What is hidden wholly stays so, however large the product of base and irradiance.
+        float kept = COATED ? 1.0f - share[i] : 1.0f;
 #if BASE && IRRADIANCE
-        made[i] *= coloured(own, i);
+        made[i] *= coloured(own, i) * kept;
 #elif BASE
-        made[i] = coloured(own, i);
-#elif !IRRADIANCE
+        made[i] = coloured(own, i) * kept;
+#elif IRRADIANCE
+        made[i] *= kept;
+#else
         made[i] = (float4)(0.0f);
-#endif
-#if COATED
-        made[i] *= 1.0f - share[i];
 #endif
     }
     float4 plain = (float4)(0.0f);

@@ -264,13 +264,11 @@ def _evaluated(inputs: Inputs, p: Parameters, look: Lookup, weight: Weight, kind
         share = share.astype(kind)[..., np.newaxis]
         base = inputs["base"].pixels if "base" in inputs else None
         made: Array = np.zeros((*seen.c.shape, inputs["environment"].channels), kind)
+        kept = 1 - share if p.coated else kind(1)
         if "irradiance" in inputs:
-            made = light("irradiance", seen.outward)
-            made = made if base is None else made * base
+            made = light("irradiance", seen.outward) * (kept if base is None else base * kept)
         elif base is not None:
-            made = base.copy()
-        if p.coated:
-            made = made * (1 - share)
+            made = base * kept
         if p.mode is not Mode.REFRACTION:
             made = made + share * light("environment", mirrored(seen))
         if p.mode is not Mode.MIRROR:

@@ -42,21 +42,24 @@ def searched(pixels: Array, shift: Array, near: Array, reach: int, tear: float) 
     return _between(pixels[rows, first], pixels[rows, second], t), most
 
 
-def filled(made: Array, seen: Array) -> Array:
-    """Holes show the farther of what lies to their left and to their right; where a row has neither, NaN."""
+def filled(pixels: Array, near: Array, made: Array, seen: Array) -> Array:
+    """Holes show the farther of what lies to their left and to their right; beyond a row's ends go on its first and its
+    last pixel. Where neither has a disparity, NaN."""
     hole = seen == GONE
     height, width = seen.shape
     x = np.broadcast_to(np.arange(width), seen.shape)
     before = np.maximum.accumulate(np.where(hole, -1, x), axis=1)
     after = np.minimum.accumulate(np.where(hole, width, x)[:, ::-1], axis=1)[:, ::-1]
     rows = np.arange(height)[:, np.newaxis]
-    of_before = np.where(before >= 0, seen[rows, np.maximum(before, 0)], np.inf)
-    of_after = np.where(after < width, seen[rows, np.minimum(after, width - 1)], np.inf)
-    left = (before >= 0) & ((after >= width) | (of_before <= of_after))
-    source = np.where(left, before, np.minimum(after, width - 1))
-    nothing = (before < 0) & (after >= width)
-    shown = np.where(hole[..., np.newaxis], made[rows, source], made)
-    return np.where(nothing[..., np.newaxis], made.dtype.type(np.nan), shown)
+    inner_left, inner_right = np.maximum(before, 0), np.minimum(after, width - 1)
+    left = np.where(before >= 0, seen[rows, inner_left], near[:, :1])
+    right = np.where(after < width, seen[rows, inner_right], near[:, -1:])
+    of_left = (left <= right) | np.isnan(right)
+    inside = np.where(of_left, before >= 0, after < width)[..., np.newaxis]
+    source = np.where(of_left, inner_left, inner_right)
+    shown = np.where(inside, made[rows, source], pixels[rows, source])
+    lost = (np.isnan(left) & np.isnan(right))[..., np.newaxis]
+    return np.where(hole[..., np.newaxis], np.where(lost, made.dtype.type(np.nan), shown), made)
 
 
 def iterated(pixels: Array, shift: Array, steps: int) -> Array:

@@ -48,8 +48,10 @@ kernel void search(global const float *restrict in, global const double *restric
     }
 }
 
-// What nothing covers shows the farther of what lies to its left and to its right.
-kernel void fill(global float *restrict out, global const double *restrict seen, int width, int height)
+// What nothing covers shows the farther of what lies to its left and to its right; beyond a row's ends go on its first
+// and its last pixel.
+kernel void fill(global const float *restrict in, global const double *restrict near, global float *restrict out,
+                 global const double *restrict seen, int width, int height)
 {
     int row = get_global_id(0);
     if (row >= height)
@@ -62,10 +64,14 @@ kernel void fill(global float *restrict out, global const double *restrict seen,
             end++;
         if (end > x) {
             bool before = x > 0, after = end < width;
-            int from = before && (!after || seen[home + x - 1] <= seen[home + end]) ? x - 1 : end;
+            double left = before ? seen[home + x - 1] : near[home];
+            double right = after ? seen[home + end] : near[home + width - 1];
+            bool lost = left != left && right != right, of_left = left <= right || right != right;
+            global const float *from = of_left ? (before ? out : in) : (after ? out : in);
+            size_t at = home + (of_left ? max(x - 1, 0) : min(end, width - 1));
             for (int k = x; k < end; k++)
                 for (int c = 0; c < CHANNELS; c++)
-                    out[(home + k) * CHANNELS + c] = before || after ? out[(home + from) * CHANNELS + c] : NAN;
+                    out[(home + k) * CHANNELS + c] = lost ? NAN : from[at * CHANNELS + c];
         }
         x = end + 1;
     }

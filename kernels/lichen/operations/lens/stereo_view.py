@@ -173,10 +173,15 @@ stereo_view = Operation(
 )
 
 
+def _found(pixels: Array, shift: Array, near: Array, p: Parameters) -> Array:
+    made, seen = searched(pixels, shift, near, p.reach, p.tear)
+    return filled(pixels, near, made, seen)
+
+
 @stereo_view.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
     shift, near = _moves(inputs, p)
-    return filled(*searched(inputs["image"].pixels, shift, near, p.reach, p.tear))
+    return _found(inputs["image"].pixels, shift, near, p)
 
 
 @stereo_view.findings
@@ -208,17 +213,19 @@ class Search:
         image, (shift, near) = inputs["image"], _moves(inputs, p)
         out, seen = aligned_empty(image.pixels.shape), aligned_empty(shift.shape, np.float64)
         defines: dict[str, int | float | str] = {"CHANNELS": image.channels}
+        nearness = aligned(near, np.float64)
         with device.session() as session:
             session.launch(
                 "lens/stereo_view.cl", "search", (image.width, image.height),
-                aligned(image.pixels), aligned(shift, np.float64), aligned(near, np.float64), session.readwrite(out),
+                aligned(image.pixels), aligned(shift, np.float64), nearness, session.readwrite(out),
                 session.readwrite(seen), np.float64(p.tear), np.int32(image.width), np.int32(image.height),
                 np.int32(p.reach),
                 defines=defines,
             )  # fmt: skip
             session.launch(
                 "lens/stereo_view.cl", "fill", (image.height,),
-                session.readwrite(out), session.readwrite(seen), np.int32(image.width), np.int32(image.height),
+                aligned(image.pixels), nearness, session.readwrite(out), session.readwrite(seen),
+                np.int32(image.width), np.int32(image.height),
                 defines=defines,
             )  # fmt: skip
         return out
@@ -226,7 +233,7 @@ class Search:
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
         shift, near = _moves(inputs, p)
-        return aligned(filled(*searched(inputs["image"].pixels, shift, near, p.reach, p.tear)))
+        return aligned(_found(inputs["image"].pixels, shift, near, p))
 
 
 @stereo_view.method(
