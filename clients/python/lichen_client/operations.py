@@ -21,6 +21,7 @@ FIRST_INPUTS: Mapping[str, str] = {
     "arrange": "image",
     "background": "image",
     "box": "image",
+    "chromatic_aberration": "image",
     "colour_map": "image",
     "compare": "image",
     "composite": "image",
@@ -79,6 +80,7 @@ FIRST_INPUTS: Mapping[str, str] = {
     "sharpen": "image",
     "spherical_harmonics": "image",
     "statistics": "image",
+    "stereo_view": "image",
     "streamlines": "field",
     "table3d": "image",
     "thin_plate": "image",
@@ -387,6 +389,39 @@ class Operations(Generic[R]):
             value=value,
             missing=missing,
             bits=bits,
+            **options,
+        )
+
+    def chromatic_aberration(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
+        value: float | None = None,
+        scales: Numbers | None = None,
+        centre: Numbers | None = None,
+        samples: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Magnifies every colour by its own scale, as a lens without correction does, or takes that out.
+
+        image: a picture of colours
+        border: how the image continues beyond its edges; default "constant"
+        value: the background, and what lies beyond a constant border, in every channel; default 0.0
+        scales: magnifications of red, green and blue; default [1.004, 1.0, 0.996]
+        centre: of the lens; shares of width and height; default [0.5, 0.5]
+        samples: samples of the pyramid's level along half the shorter axis; 1 to 8; a knob
+        method: bilinear, bicubic, lanczos3, ewa
+        """
+        return self.run(
+            "chromatic_aberration",
+            image,
+            border=border,
+            value=value,
+            scales=scales,
+            centre=centre,
+            samples=samples,
             **options,
         )
 
@@ -1499,20 +1534,20 @@ class Operations(Generic[R]):
         objects: Numbers | None = None,
         **options: Unpack[Options],
     ) -> R:
-        """Casts rays at spheres, planes, boxes and blobs, and tells depth, normals, albedo and the rest.
+        """Casts rays at spheres, planes, boxes, blobs and terrains, and tells depth, normals, albedo and the rest.
 
         eye: where it stands; default [0.0, 0.0, 0.0]
         target: what it looks at; not the eye; default [0.0, 0.0, -1.0]
         up: what is up in its picture, roughly; not the viewing direction; default [0.0, 1.0, 0.0]
         fov: vertical angle of view; at least 0.01, at most 175; deg; default 50.0
-        extent: without perspective: the height of what it sees; above 0, at most 1000000
+        extent: without perspective: the height of what it sees; at least 1e-06, at most 1000000
         width: px; at least 1, at most 16384; default 256
         height: px; at least 1, at most 16384; default 256
         buffer: depth, distance, position, normal, albedo, roughness, mask, height, motion or emissive; default
             "depth"
         frame: whose axes positions and normals are told in; default "camera"
         far: depth beyond which nothing is seen; above 0, at most 1000000; default 10000.0
-        objects: spheres, planes, boxes and blobs; default []
+        objects: spheres, planes, boxes, blobs and terrains; default []
         method: exact
         """
         return self.run(
@@ -1893,6 +1928,8 @@ class Operations(Generic[R]):
         eye: Numbers | None = None,
         view: Numbers | None = None,
         local_viewer: bool | None = None,
+        size: float | None = None,
+        share: float | None = None,
         **options: Unpack[Options],
     ) -> R:
         """Lights surfaces given by their normals: lamps of five kinds, eight models of reflection.
@@ -1927,7 +1964,9 @@ class Operations(Generic[R]):
         eye: where the viewer is; default [0.0, 0.0, 0.0]
         view: the direction towards a viewer at infinity; default [0.0, 0.0, 1.0]
         local_viewer: whether the viewer is at `eye`, given positions, or at infinity; default true
-        method: exact, schlick
+        size: entries of each table; 4 to 4096; a knob
+        share: of the discs that make up areas; 0.000976562 to 1; a knob
+        method: tables, schlick, sparse, exact
         """
         return self.run(
             "lighting",
@@ -1954,6 +1993,8 @@ class Operations(Generic[R]):
             eye=eye,
             view=view,
             local_viewer=local_viewer,
+            size=size,
+            share=share,
             **options,
         )
 
@@ -2988,7 +3029,7 @@ class Operations(Generic[R]):
         light_target: what the map's middle shows; default [0.0, 0.0, -5.0]
         light_up: what is up in the map, roughly; default [0.0, 1.0, 0.0]
         light_fov: the map's vertical angle; at least 0.01, at most 175; deg; default 60.0
-        light_extent: of light without perspective: the height of what the map shows; above 0, at most 1000000
+        light_extent: of light without perspective: the height of what the map shows; at least 1e-06, at most 1000000
         map_kind: planar: depth along the light's direction; window: 0 at light_near, 1 at light_far; reversed: 1 to
             0; default "planar"
         light_near: of a window's depth, and of depth in few bits; above 0, at most 1000000; default 0.1
@@ -3343,6 +3384,48 @@ class Operations(Generic[R]):
             low=low,
             high=high,
             resolution=resolution,
+            **options,
+        )
+
+    def stereo_view(
+        self,
+        image: ImageLike,
+        /,
+        *,
+        depth: ImageLike,
+        baseline: float | None = None,
+        convergence: float | None = None,
+        fov: float | None = None,
+        largest: float | None = None,
+        eye: Literal["left", "right"] | None = None,
+        tear: float | None = None,
+        steps: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Shows what an eye beside the camera sees, from a picture and its depths.
+
+        image: the camera's picture
+        depth: distances along the view
+        baseline: between the eyes, in the units of the depths; at least -1000000, at most 1000000; default 0.065
+        convergence: the depth that coincides; infinity if left out; above 1e-06, at most 1000000000
+        fov: of the cameras, from top to bottom; at least 0.01, at most 179; deg; default 40.0
+        largest: no pixel moves farther; at least 0, at most 512; px; default 32.0
+        eye: the left or the right one; default "left"
+        tear: neighbours that move apart by more are of two surfaces; at least 0, at most 512; px; default 1.0
+        steps: looks back from each pixel; 1 to 32; a knob
+        method: search, iterated
+        """
+        return self.run(
+            "stereo_view",
+            image,
+            depth=depth,
+            baseline=baseline,
+            convergence=convergence,
+            fov=fov,
+            largest=largest,
+            eye=eye,
+            tear=tear,
+            steps=steps,
             **options,
         )
 
