@@ -70,7 +70,7 @@ def test_a_worker_killed_in_the_middle_costs_nothing(
 
     killer = threading.Thread(target=kill, daemon=True)
     killer.start()
-    soft = ["--operation", "gaussian", "--set", "sigma=3", "--output", "{stem}.npy"]
+    soft = ["--operation", "gaussian", "--set", "sigma=3", "--set", "device=numpy", "--output", "{stem}.npy"]
     status = main(["batch", "run", f"{photos}/*.npy", "--out", str(out), "--engine", f"dask://{address}", *soft])
     killer.join(PATIENCE)
     summary = json.loads(capsys.readouterr().out)
@@ -80,7 +80,7 @@ def test_a_worker_killed_in_the_middle_costs_nothing(
     assert len({line["id"] for line in lines}) == len(lines) == COUNT
     with Client(local=True) as client:
         for number in range(COUNT):
-            expected = client.gaussian(photos / f"{number}.npy", sigma=3).content
+            expected = client.gaussian(photos / f"{number}.npy", sigma=3, device="numpy").content
             assert (out / f"{number}.npy").read_bytes() == expected
 
 
