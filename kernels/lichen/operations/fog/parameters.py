@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from lichen.errors import Flaw
 from lichen.image import Alpha
@@ -17,6 +17,9 @@ from lichen.operations.scene.view import View, pointed
 
 Amount = Annotated[float, Field(ge=-1e6, le=1e6)]
 Vector = tuple[Amount, Amount, Amount]
+NONE = 1e-30
+"""A density below is none: no float32 distance makes a difference of it, and endless ones make one of rounding."""
+Density = Annotated[float, Field(ge=0, le=1e6), AfterValidator(lambda density: density if density >= NONE else 0.0)]
 LOWEST, HIGHEST = 80.0, 1000.0
 """Falloffs that the eye may lie below and above `base`, where the density is e^80 and e^-1000 of what it is there."""
 
@@ -50,8 +53,8 @@ class Parameters(View):
     """linear, exponential, squared (exponential of the square), layered (by a profile over height), height"""
     distance: Distance = Distance.EUCLIDEAN
     """euclidean: from the eye; planar: along the viewing direction, as hardware once did"""
-    density: float = Field(0.1, ge=0, le=1e6)
-    """what is hidden per unit of distance; of layered fog a factor"""
+    density: Density = 0.1
+    """what is hidden per unit of distance; of layered fog a factor; below 1e-30 none"""
     start: float = Field(1.0, ge=0, le=1e9)
     """of linear fog: nothing is hidden up to here"""
     end: float = Field(100.0, ge=0, le=1e9)
@@ -60,9 +63,7 @@ class Parameters(View):
     """the fog's light; one number, or one for each colour channel"""
     heights: Annotated[tuple[Amount, ...], Field(min_length=1, max_length=256)] = (0.0,)
     """of layered fog, rising"""
-    densities: Annotated[tuple[Annotated[float, Field(ge=0, le=1e6)], ...], Field(min_length=1, max_length=256)] = (
-        1.0,
-    )
+    densities: Annotated[tuple[Density, ...], Field(min_length=1, max_length=256)] = (1.0,)
     """at each of the heights; linear between them, constant beyond"""
     base: Amount = 0.0
     """of height fog: where the density is `density`"""
