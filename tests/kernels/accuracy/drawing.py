@@ -24,7 +24,7 @@ from lichen.image import Image, as_image
 from lichen.operation import Facts, Input, Knob, Method
 
 OPERATIONS = lichen.operations()
-DEAREST = 0.06
+DEAREST = 0.15
 """Predicted seconds of truth; more than is drawn."""
 LARGEST_SIDE = 16384
 """px; a width or height that goes so far is that of the result."""
