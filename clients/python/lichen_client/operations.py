@@ -1243,8 +1243,8 @@ class Operations(Generic[R]):
             default "exponential"
         distance: euclidean: from the eye; planar: along the viewing direction, as hardware once did; default
             "euclidean"
-        density: what is hidden per unit of distance; of layered fog a factor; at least 0, at most 1000000; default
-            0.1
+        density: what is hidden per unit of distance; of layered fog a factor; below 1e-30 none; at least 0, at most
+            1000000; default 0.1
         start: of linear fog: nothing is hidden up to here; at least 0, at most 1000000000; default 1.0
         end: of linear fog: everything is hidden from here on; at least 0, at most 1000000000; default 100.0
         colour: the fog's light; one number, or one for each colour channel; at least -1000000, at most 1000000;

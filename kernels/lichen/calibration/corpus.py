@@ -76,7 +76,7 @@ def typical(operation: Operation[Any], parameters: OperationParameters, size: in
     elif operation.generates:
         name, inputs = "nothing", {}
     else:
-        name, inputs = "smooth field", _fields(operation, "smooth field", part)
+        name, inputs = "smooth field", _fields(operation, parameters, "smooth field", part)
     return Case(name, {key: _repeated(image, size) for key, image in inputs.items()})
 
 
@@ -95,19 +95,27 @@ def _drawn(operation: Operation[Any], parameters: OperationParameters, size: int
         yield "nothing", {}
         return
     for kind in FIELDS:
-        yield kind, _fields(operation, kind, size)
+        yield kind, _fields(operation, parameters, kind, size)
     pictures = [each for each in operation.inputs if each.picture]
     for content in PICTURES if pictures else ():
         drawn = {each.name: as_image(_fitting(each, content, size)) for each in pictures}
-        yield content, _fields(operation, "smooth field", size) | drawn
+        yield content, _fields(operation, parameters, "smooth field", size) | drawn
 
 
 def _led_by_picture(operation: Operation[Any]) -> bool:
     return any(each.picture and each.required for each in operation.inputs)
 
 
-def _fields(operation: Operation[Any], kind: str, size: int) -> dict[str, Image]:
-    return {each.name: as_image(_vectors(each, kind, size)) for each in operation.inputs if each.required}
+def _fields(operation: Operation[Any], parameters: OperationParameters, kind: str, size: int) -> dict[str, Image]:
+    """The required inputs, and as few of the optional ones as these parameters are satisfied with."""
+    required = {each.name: as_image(_vectors(each, kind, size)) for each in operation.inputs if each.required}
+    made = dict(required)
+    for further in [each for each in operation.inputs if not each.required][:MOST_FURTHER]:
+        if not operation.check(parameters, {name: Facts.of(image) for name, image in made.items()}):
+            return made
+        drawn = _fitting(further, "photo", size) if further.picture else _vectors(further, kind, size)
+        made[further.name] = as_image(drawn)
+    return required if operation.check(parameters, {name: Facts.of(each) for name, each in made.items()}) else made
 
 
 def _vectors(declared: Input, kind: str, size: int) -> Array:

@@ -10,7 +10,8 @@ import pytest
 
 from lichen.calibration.corpus import FIELDS, PICTURES, cases, field, picture, typical
 from lichen.catalogue import operations
-from lichen.operation import Operation
+from lichen.image import as_image
+from lichen.operation import Facts, Operation
 
 OPERATIONS = operations()
 
@@ -74,7 +75,10 @@ def test_every_operation_has_images_it_works_on(operation: Operation[Any]) -> No
         names = [case.name for case in found]
         assert len(set(names)) == len(names)
         assert len([name for name in names if not name.startswith("hard: ")]) >= fewest(operation)
-        assert any(operation.identity(parameters, case.facts) is None for case in found)
+        hard = [each.inputs() for each in operation.hard_cases]  # what only fills what is infinite has no other
+        changed = [case.facts for case in found]
+        changed += [{key: Facts.of(as_image(image)) for key, image in each.items()} for each in hard]
+        assert any(operation.identity(parameters, facts) is None for facts in changed)
         main = typical(operation, parameters, 300)
         for image in main.inputs.values():
             assert (image.height, image.width) == (300, 300)

@@ -77,6 +77,11 @@ class Parameters(OperationParameters):
     value: float = Field(0.0, description="what lies beyond a constant border")
 
     @property
+    def beyond(self) -> float:
+        """`value` as pixels can hold it, so that what is chosen among them is exact."""
+        return float(np.float32(self.value))
+
+    @property
     def window(self) -> Window:
         return Window.of(self.width, self.height, self.anchor)
 
@@ -121,7 +126,7 @@ def _computed(inputs: Inputs, p: Parameters, windows: Windows) -> Array:
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
-    image, (low, high) = facts["image"], reach_of_values(facts["image"], p.border, p.value)
+    image, (low, high) = facts["image"], reach_of_values(facts["image"], p.border, p.beyond)
     if p.step in DIFFERENCES:
         # Against a constant border an opening may exceed the image, and a closing fall below it.
         low, high = (0.0 if p.step is Step.GRADIENT else low - high), high - low
@@ -133,7 +138,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
 def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     if p.step not in DIFFERENCES:
         return EXACT
-    low, high = reach_of_values(facts["image"], p.border, p.value)
+    low, high = reach_of_values(facts["image"], p.border, p.beyond)
     rounding = 1.01 * ROUNDING * (high - low)
     return Error(rounding, "bound", rounding)
 
@@ -208,7 +213,7 @@ morphology = Operation(
 
 @morphology.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
-    return _computed(inputs, p, lambda pixels, window, step: windows_plain(pixels, window, step, p.border, p.value))
+    return _computed(inputs, p, lambda pixels, window, step: windows_plain(pixels, window, step, p.border, p.beyond))
 
 
 @morphology.method(
@@ -223,13 +228,13 @@ class Blocks:
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
         def windows(pixels: Array, window: Window, step: Combine) -> Array:
-            return windows_opencl(device, pixels, window, step, p.border, p.value)
+            return windows_opencl(device, pixels, window, step, p.border, p.beyond)
 
         return _computed(inputs, p, windows)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
         def windows(pixels: Array, window: Window, step: Combine) -> Array:
-            return windows_numpy(pixels, window, step, p.border, p.value)
+            return windows_numpy(pixels, window, step, p.border, p.beyond)
 
         return aligned(_computed(inputs, p, windows))

@@ -98,8 +98,8 @@ class Displaced(Map):
                 wave = p.amplitude * np.sin(2 * math.pi * (r / p.length - p.phase))
                 if p.reach is not None:
                     wave = wave * np.exp(-r / p.reach)
-                away = np.divide(wave, r, out=np.zeros(np.broadcast(wave, r).shape), where=r > 0)
-                return u + away * dx, v + away * dy
+                along = [np.divide(d, r, out=np.zeros(r.shape), where=r > 0) for d in np.broadcast_arrays(dx, dy)]
+                return u + wave * along[0], v + wave * along[1]
             case Pattern.SWIRL:
                 reach = p.reach or min(width, height) / 2
                 share = np.maximum(1 - np.hypot(dx, dy) / reach, 0)
