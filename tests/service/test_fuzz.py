@@ -106,7 +106,8 @@ def test_no_mixture_of_good_options_breaks_an_operation(call: Caller, name: str)
     def check(options: dict[str, str], headers: dict[str, str], format: str) -> None:
         parts = {key: bytes(encode(each, "npy").data) for key, each in others}
         if first is not None:
-            pixels = first[1].pixels if first[1].channels > 1 else np.repeat(first[1].pixels, 3, axis=2)
+            single = first[1].channels == 1 and OPERATIONS[name].inputs[0].channels[1] != 1
+            pixels = np.repeat(first[1].pixels, 3, axis=2) if single else first[1].pixels
             parts = {first[0]: _encoded(Image(pixels, storage=Storage.FLOAT32), format), **parts}
         body, content = form(parts) if parts else (b"", {})
         query = [*parameters, *((key, value) for key, value in options.items() if key not in dict(parameters))]
