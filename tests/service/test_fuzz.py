@@ -61,7 +61,7 @@ TINY = [
     bytes(encode(Image(picture(6, 4, 2).pixels), "npy").data),
     bytes(encode(picture(1, 1, 1), "npy").data),
 ]
-MANY = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+MANY = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def _is_sound(response: Response) -> None:
