@@ -148,7 +148,8 @@ def measured(
         seconds, spread, failed = timings[rival.setting.label]
         wrong = rival.setting.failed or failed
         settings.append(dataclasses.replace(rival.setting, seconds=seconds, spread=spread, failed=wrong))
-    channels = case.inputs[wanted.inputs[0].name].channels
+    first = next(iter(case.facts.values()), None) or wanted.result(parameters, case.facts)
+    channels = first.channels
     source = (
         f"Errors: worst and median over the corpus, {side} px. "
         f"Times: lower quartiles of interleaved runs, {size} x {size} px, {channels} channels."

@@ -47,7 +47,7 @@ def rivals(
     """All rivals of an operation; errors at `side`, calls on the images of `case`. `entries` are our own errors."""
     sheet = _answers(operation, parameters, side)
     found = [_peer(peer, parameters, case, sheet) for peer in peers(operation, parameters)]
-    return found + _variants(operation, parameters, case, backend, entries, sheet)
+    return found + _variants(operation, parameters, case, backend, entries, sheet, side)
 
 
 def entry_of(entries: Sequence[Entry], setting: sweep.Setting) -> Entry | None:
@@ -89,7 +89,7 @@ def _peer(peer: Peer, parameters: OperationParameters, case: Case, sheet: Sequen
 
 def _variants(
     operation: Operation[Any], parameters: OperationParameters, case: Case, backend: str,
-    entries: Sequence[Entry], sheet: Sequence[_Answer],
+    entries: Sequence[Entry], sheet: Sequence[_Answer], side: int,
 ) -> list[Rival]:  # fmt: skip
     """The most accurate setting with its inputs and its result kept in less than float32.
 
@@ -98,21 +98,21 @@ def _variants(
     best = _best(operation, parameters, case, backend, entries)
     if best is None:
         return []
-    rivals = []
+    rivals, small = [], operation.sized(parameters, side, side)
     for precision in PRECISIONS:
         if precision.lossless:
             continue
 
-        def compute(inputs: Inputs, precision: Precision = precision) -> Array:
+        def compute(inputs: Inputs, wanted: OperationParameters, precision: Precision = precision) -> Array:
             kept = {name: image.replace(pixels=stored(image.pixels, precision)) for name, image in inputs.items()}
-            return stored(best.compute(backend, kept, parameters), precision)
+            return stored(best.compute(backend, kept, wanted), precision)
 
         lowest = 0.0 if precision.levels else -math.inf
         within = [each for each in sheet if _within(each.case, lowest)]
-        setting = _compared(best.method.name, best.knob, precision, compute, within)
+        setting = _compared(best.method.name, best.knob, precision, partial(compute, wanted=small), within)
         if not within:
             setting = dataclasses.replace(setting, failed="fixed point holds [0, 1], and all inputs reach beyond")
-        rivals.append(Rival(setting, None if setting.failed else partial(compute, case.inputs)))
+        rivals.append(Rival(setting, None if setting.failed else partial(compute, case.inputs, parameters)))
     return rivals
 
 

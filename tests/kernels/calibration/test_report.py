@@ -171,6 +171,12 @@ def test_a_measured_report_holds_peers_and_precisions() -> None:
     assert by_precision["fixed8"] > by_precision["fixed12"] > by_precision["fixed16"] > by_precision["float32"]
 
 
+def test_what_needs_no_picture_is_measured_too() -> None:
+    made = measured(lichen.operations()["white_noise"], size=64, quick=True)
+    assert {each.precision for each in made.settings if each.failed is None} >= {"float32", "fixed8", "float16"}
+    assert "1 channels" in made.source
+
+
 @pytest.mark.parametrize("peer", PEERS, ids=[peer.name for peer in PEERS])
 def test_peers_compute_the_same_thing(peer: object) -> None:
     """For every example they are listed for; rlic's lines are shorter where they run diagonally."""
