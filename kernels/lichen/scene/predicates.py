@@ -18,7 +18,7 @@ import numpy as np
 
 from lichen.memory import Array
 from lichen.operations.lighting.lamps import Kind
-from lichen.operations.scene.casting import _around
+from lichen.operations.scene.casting import ball_around
 from lichen.operations.scene.objects import Blob, Box, Object, Plane, Sphere, Terrain
 from lichen.scene.description import Light
 
@@ -33,7 +33,7 @@ def ball(each: Object) -> Ball | None:
         case Box():
             return np.array(each.centre), math.sqrt(sum(side * side for side in each.size)) / 2
         case Blob():
-            *centre, radius = _around(each)
+            *centre, radius = ball_around(each)
             return np.array(centre), radius
         case Terrain():
             low, high = min(map(min, each.heights)), max(map(max, each.heights))

@@ -51,7 +51,7 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.compositing.layers import FLOAT_MAX
-from lichen.operations.environment.solid import Texels, default_size, reduced, sphere, texels
+from lichen.operations.environment.solid import Texels, default_size, reduced, shown, texels
 from lichen.operations.environment.spherical_harmonics import check_charts
 from lichen.operations.warp.charts import Chart
 
@@ -208,15 +208,8 @@ prefilter = Operation(
 # -------------------------------------------------------------------------------------------------------- in NumPy
 
 
-def _directions(p: Parameters) -> tuple[Array, Array]:
-    """Of the result's pixels, and where there are any."""
-    width, height = p.size
-    direction, angle = sphere(p.target, height, width)
-    return direction, angle > 0
-
-
 def _averaged(given: Texels, p: Parameters) -> Array:
-    direction, there = _directions(p)
+    direction, there = shown(p.target, *p.size)
     wanted = direction[there]
     found = np.empty((len(wanted), given.light.shape[1]))
     x, y, z = given.direction.T
@@ -252,7 +245,7 @@ def _launched(device: Device, given: Texels, p: Parameters) -> Array:
     direction = np.concatenate([given.direction, np.repeat(given.direction[-1:], rest, axis=0)])
     angle = aligned(np.pad(given.angle, (0, rest)))
     light = aligned(np.pad(given.light.T, ((0, 0), (0, rest))))
-    target, there = _directions(p)
+    target, there = shown(p.target, *p.size)
     wanted = aligned(target[there].T, np.float64)
     count, channels = wanted.shape[1], given.light.shape[1]
     found = aligned_empty((count, channels))

@@ -81,6 +81,12 @@ def sphere(chart: Chart, height: int, width: int) -> tuple[Array, Array]:
     return d, angle
 
 
+def shown(chart: Chart, width: int, height: int) -> tuple[Array, Array]:
+    """Directions of an image's pixels, and which of them show any."""
+    direction, angle = sphere(chart, height, width)
+    return direction, angle > 0
+
+
 def texels(pixels: Array, chart: Chart) -> Texels:
     """Every pixel that shows anything."""
     direction, angle = sphere(chart, *pixels.shape[:2])

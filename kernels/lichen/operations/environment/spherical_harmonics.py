@@ -52,7 +52,7 @@ from lichen.operation import (
 from lichen.operations.compositing.layers import FLOAT_MAX
 from lichen.operations.environment import framed
 from lichen.operations.environment.harmonics import basis, by_degree, cosine
-from lichen.operations.environment.solid import Texels, default_size, reduced, sphere, texels
+from lichen.operations.environment.solid import Texels, default_size, reduced, shown, texels
 from lichen.operations.warp.charts import LAYOUT, Chart
 
 if TYPE_CHECKING:
@@ -207,15 +207,8 @@ def _coefficients(given: Texels, bands: int) -> Array:
     return total
 
 
-def _directions(p: Parameters) -> tuple[Array, Array]:
-    """Of the result's pixels, and where there are any."""
-    width, height = p.size
-    direction, angle = sphere(p.target, height, width)
-    return direction, angle > 0
-
-
 def _shown(given: Texels, p: Parameters) -> Array:
-    direction, there = _directions(p)
+    direction, there = shown(p.target, *p.size)
     with np.errstate(invalid="ignore"):
         weighed = _coefficients(given, p.bands) * by_degree(list(p.factors))[:, np.newaxis]
         made = np.zeros((*there.shape, given.light.shape[1]))
@@ -275,7 +268,7 @@ def _launched(device: Device, given: Texels, p: Parameters) -> Array:
             local=(1,), defines=defines,
         )  # fmt: skip
     weighed = aligned(partial.sum(axis=0) * by_degree(list(p.factors))[:, np.newaxis], np.float64)
-    target, there = _directions(p)
+    target, there = shown(p.target, *p.size)
     wanted = _eights(target[there], np.float64)
     found = aligned_empty((channels, wanted.shape[1]))
     with device.session() as session:

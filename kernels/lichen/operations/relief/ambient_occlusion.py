@@ -33,10 +33,8 @@ from lichen.image import Alpha, Extent, Space
 from lichen.memory import Array, aligned
 from lichen.operation import (
     ROUNDING,
-    Border,
     Error,
     Facts,
-    Footprint,
     HardCase,
     Input,
     InputFacts,
@@ -52,6 +50,7 @@ from lichen.operations.relief.rings import (
     RingParameters,
     all_are,
     column_is,
+    footprint,
     looked_at,
     nan_in_reach,
     nothing,
@@ -67,11 +66,6 @@ if TYPE_CHECKING:
 class Parameters(RingParameters):
     strength: float = Field(1.0, ge=0, le=1)
     """how much of what is hidden is taken away"""
-
-
-def _footprint(p: RingParameters, facts: InputFacts) -> Footprint:
-    reach = p.ring(1.0).reach
-    return Footprint(reach, reach, wraps=p.border is Border.WRAP)
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
@@ -108,7 +102,7 @@ ambient_occlusion = Operation(
         Input("normal", "which way surfaces face: x, y up, z", (3, 3), required=False, picture=False),
     ),
     light=Light.STORED,
-    footprint=_footprint,
+    footprint=footprint,
     result=_result,
     propagate=lambda p, facts, error: 0.0,
     check=_check,

@@ -21,10 +21,8 @@ from lichen.image import Alpha, Extent, Space
 from lichen.memory import Array, aligned
 from lichen.operation import (
     ROUNDING,
-    Border,
     Error,
     Facts,
-    Footprint,
     HardCase,
     Input,
     InputFacts,
@@ -40,6 +38,7 @@ from lichen.operations.relief.rings import (
     Source,
     all_are,
     column_is,
+    footprint,
     looked_at,
     nan_in_reach,
     nothing,
@@ -95,11 +94,6 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     return Facts(height.height, height.width, p.directions, Space.DATA, Alpha.NONE, Extent(0.0, most, spoilt_pixels))
 
 
-def _footprint(p: Parameters, facts: InputFacts) -> Footprint:
-    reach = p.ring(1.0).reach
-    return Footprint(reach, reach, wraps=p.border is Border.WRAP)
-
-
 horizon_map = Operation(
     name="horizon_map",
     family="relief",
@@ -108,7 +102,7 @@ horizon_map = Operation(
     parameters=Parameters,
     inputs=(Input("height", "heights, or depths, in one channel", (1, 1), picture=False),),
     light=Light.STORED,
-    footprint=_footprint,
+    footprint=footprint,
     result=_result,
     propagate=lambda p, facts, error: 0.0,
     examples=(

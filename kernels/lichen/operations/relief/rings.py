@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from lichen.memory import Array
-from lichen.operation import ROUNDING, Border, InputFacts, Knob, OperationParameters, Pixels
+from lichen.operation import ROUNDING, Border, Footprint, InputFacts, Knob, OperationParameters, Pixels
 from lichen.operations.relief.horizons import Ring
 
 
@@ -47,6 +47,12 @@ class RingParameters(OperationParameters):
 
 
 SPACING = Knob("spacing", (6.0, 3.0, 2.0, 1.0), "pixels between the places that a direction looks at", 1.0, 16.0)
+
+
+def footprint(p: RingParameters, facts: InputFacts) -> Footprint:
+    """All heights that its rings reach."""
+    reach = p.ring(1.0).reach
+    return Footprint(reach, reach, wraps=p.border is Border.WRAP)
 
 
 def slope_rounding(p: RingParameters, facts: InputFacts) -> float:

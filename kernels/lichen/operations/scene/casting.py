@@ -48,7 +48,7 @@ def encoded(objects: Sequence[Object]) -> tuple[Array, Array]:
                 turn = math.radians(each.turn)
                 row[1:9] = *each.centre, *(side / 2 for side in each.size), math.cos(turn), math.sin(turn)
             case Blob():
-                row[1:5] = _around(each)
+                row[1:5] = ball_around(each)
                 row[5:8] = each.smooth, len(balls), len(each.balls)
                 balls += each.balls
     extras = [np.array(balls).ravel()]
@@ -60,7 +60,7 @@ def encoded(objects: Sequence[Object]) -> tuple[Array, Array]:
     return made, np.concatenate(extras)
 
 
-def _around(blob: Blob) -> tuple[float, float, float, float]:
+def ball_around(blob: Blob) -> tuple[float, float, float, float]:
     """A ball that holds the blob: every join swells it by a quarter of `smooth` at most."""
     places = np.array(blob.balls)
     centre = places[:, :3].mean(axis=0)
