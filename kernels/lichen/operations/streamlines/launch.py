@@ -87,29 +87,52 @@ def adapt(device: Device, task: Task, tolerance: float) -> Array:
 
 def walk(device: Device, task: Task, step: float) -> Array:
     """The result by Euler's steps through the vectors of whole pixels, reading whole texels."""
-    count = task.p.steps(step)
-    step = task.p.length / max(count, 1)
+    count, p, alike = task.p.steps(step), task.p, same(task)
+    step, pixels = p.length / max(count, 1), task.height * task.width
+    bits = fraction_bits(step, max(task.height, task.width))
+    built = {"SAME": int(alike), "ARC": int(task.arc)}
     with device.session() as session:
-        steps = decoded(session, task, task.field, NEAREST, "prepare")
         texture, sizes, result = texels(session, task, padded=False)
+        cells = session.scratch((pixels, 2))
         for channel in range(result.shape[2]):
+            if channel == 0 or (alike and task.arc):  # texels lie beside the steps
+                session.launch(
+                    NEAREST,
+                    "prepare",
+                    (-(-pixels // SEGMENT),),
+                    aligned(task.field, np.float32),
+                    texture,
+                    session.write(cells),
+                    np.int32(pixels),
+                    np.int32(task.field.shape[2]),
+                    sizes[-1],
+                    np.int32(channel),
+                    *(np.float32(each) for each in (p.scale, p.bias, task.limit)),
+                    np.float32(step * 2**bits if task.arc else step),
+                    defines=built,
+                )
             session.launch(
                 NEAREST,
                 "walk",
                 grid(task),
-                steps,
+                cells,
                 texture,
                 aligned(trapezoid(task.weights(count))),
                 session.readwrite(result),
                 *sizes,
                 np.int32(channel),
                 np.int32(count),
-                np.float32(step / 32767 if task.arc else step),
+                np.int32(bits),
                 np.float32(reach(task)),
                 local=GROUP,
-                defines={"SAME": int(same(task)), "ARC": int(task.arc)},
+                defines=built,
             )
     return result
+
+
+def fraction_bits(step: float, size: int) -> int:
+    """Of places in whole numbers: a step fits into 16 bits then, and the size of the image into 31."""
+    return min(int(np.log2(32767 / max(step, 2**-16))), 30 - (size - 1).bit_length())
 
 
 def grid(task: Task) -> tuple[int, int]:
@@ -142,13 +165,13 @@ PLAIN = {"ORDER": 1, "CHANNELS": 1, "SAME": 1, "FIELD": 1, "TEXTURE": 1, "WRAP":
 """Any build will do for kernels that follow nothing."""
 
 
-def decoded(session: Session, task: Task, field: Array, source: str = SOURCE, kernel: str = "decode") -> Array:
-    """A pair per pixel by this kernel, and one pair more: kernels read two neighbours at once."""
+def decoded(session: Session, task: Task, field: Array) -> Array:
+    """A pair per pixel, and one pair more: kernels read two neighbours at once."""
     height, width, channels = field.shape
     pairs = session.scratch((height * width + 1, 2))
     session.launch(
-        source,
-        kernel,
+        SOURCE,
+        "decode",
         (-(-height * width // SEGMENT),),
         aligned(field, np.float32),
         session.write(pairs),
@@ -157,7 +180,7 @@ def decoded(session: Session, task: Task, field: Array, source: str = SOURCE, ke
         np.float32(task.p.scale),
         np.float32(task.p.bias),
         np.float32(task.limit),
-        defines={**PLAIN, "ARC": int(task.arc)} if source == SOURCE else {"SAME": 1, "ARC": int(task.arc)},
+        defines=PLAIN,
     )
     return pairs
 
