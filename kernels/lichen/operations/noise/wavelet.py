@@ -1,0 +1,199 @@
+"""Wavelet noise: noise of one octave's frequencies and no others, so that no octave aliases or repeats another.
+
+Truth: n is the sum over cells of a coefficient times the quadratic B-spline around the middle of the cell along x and
+y, over four standard deviations and kept within [-1, 1]. bands.py says what the coefficients are: random signs without
+what a lattice twice as coarse could hold. Where two octaves of Perlin noise share a third of their power, those of
+wavelet noise share next to none: what is sharp enough to show is all there, and what is too fine is all gone.
+
+In three and four dimensions there is a choice, since a plane through a solid band holds low frequencies again:
+
+* `projected`: coefficients are those of signs that are themselves a quadratic spline along z and w, at its own
+  variance. Every slice is a band, as in two dimensions; along z the noise is merely smooth.
+* `solid`: U D goes along all axes. The solid is a band, its slices are not.
+
+Cook and DeRose project a solid along a plane's normal, by the weights of a spline; their slices are nearly bands.
+
+Tables repeat after 128 cells (32 where four dimensions are solid), or as often as a picture that repeats. The variance
+is that of the weights: with s = 0.55 and c = 0.4093, the means over a place of the squares of the spline's weights and
+of those through U D, s^d - c^d in d axes.
+
+Sources: Cook and DeRose, Wavelet noise, SIGGRAPH 2005; octaves.py and fractal.py."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from itertools import product
+
+import numpy as np
+from pydantic import Field
+
+from lichen.memory import Array
+from lichen.operation import Rate
+from lichen.operations.noise import bands
+from lichen.operations.noise.basis import Basis, Place, Slice, Values
+from lichen.operations.noise.cases import lattice_cases
+from lichen.operations.noise.coordinates import Axis
+from lichen.operations.noise.declare import declared
+from lichen.operations.noise.impulses import NORMAL_MAGNITUDE
+from lichen.operations.noise.octaves import Key, Lattice, chained
+from lichen.operations.noise.parameters import LatticeParameters
+
+
+class Depth(StrEnum):
+    """What the third and the fourth dimension do."""
+
+    PROJECTED = "projected"
+    """every slice holds one octave of frequencies"""
+    SOLID = "solid"
+    """the solid does, its slices do not"""
+
+
+class Parameters(LatticeParameters):
+    depth: Depth = Field(Depth.PROJECTED, description="what holds one octave of frequencies beyond two dimensions")
+
+    @property
+    def axes(self) -> int:
+        """Along which U D goes."""
+        return self.dimensions if self.depth is Depth.SOLID else 2
+
+
+def side(p: Parameters) -> int:
+    """Cells after which a table repeats."""
+    return 32 if p.axes == 4 else bands.SIDE
+
+
+def scale(p: Parameters) -> float:
+    """One over four standard deviations."""
+    plain, low = bands.VARIANCE
+    return 1 / (4 * math.sqrt(plain**p.axes - low**p.axes))
+
+
+# ------------------------------------------------------------------------------------------------------- coefficients
+
+
+def slices(p: Parameters, key: Key, axes: tuple[Axis, ...]) -> tuple[Slice, ...]:
+    """One plane, whose table all that lies around z and w has gone into."""
+    columns, rows = (bands.side(axis.period, side(p)) for axis in axes[:2])
+    layers = _solid(key, axes[2:]) if p.axes > 2 else _projected(key, axes[2:])
+    return (Slice(key, 0.0, 0.0, table=bands.table(layers, rows, columns) * scale(p)),)
+
+
+def _key(key: Key, axes: tuple[Axis, ...], cells: tuple[int, ...]) -> Key:
+    """Of the plane of signs at these cells of z and w."""
+    found = (np.atleast_1d(np.uint32(key[0])), np.atleast_1d(np.uint32(key[1])))
+    for axis, cell in reversed(list(zip(axes, cells, strict=True))):
+        found = chained(found, axis.wrapped(np.array([cell])))
+    return int(found[0][0]), int(found[1][0])
+
+
+def _projected(key: Key, axes: tuple[Axis, ...]) -> bands.Layers:
+    """Planes weighed by the spline, at the variance of one; those that are one plane come round count together."""
+    found: dict[Key, float] = {}
+    for offsets in product((-1, 0, 1), repeat=len(axes)):
+        weight = math.prod(bands.weights(float(a.fractions[0]))[o + 1] for o, a in zip(offsets, axes, strict=True))
+        cells = tuple(int(a.cells[0]) + o for o, a in zip(offsets, axes, strict=True))
+        own = _key(key, axes, cells)
+        found[own] = found.get(own, 0.0) + weight
+    size = math.sqrt(math.fsum(weight * weight for weight in found.values()))
+    return tuple((own, (weight / size,), (weight / size,)) for own, weight in found.items())
+
+
+def _solid(key: Key, axes: tuple[Axis, ...]) -> bands.Layers:
+    """Planes that count plainly, or through U D, for each place of the coarse lattice along z and w."""
+    parities = list(product((0, 1), repeat=len(axes)))
+    counts = [[bands.along(int(a.cells[0]), float(a.fractions[0]), parity) for parity in (0, 1)] for a in axes]
+    reached = [sorted(set(both[0]) | set(both[1])) for both in counts]
+    found = []
+    for cells in product(*reached):
+        pairs = [
+            [both[parity].get(cell, (0.0, 0.0)) for both, parity, cell in zip(counts, own, cells, strict=True)]
+            for own in parities
+        ]
+        plain = tuple(math.prod(one for one, _ in each) for each in pairs)
+        low = tuple(math.prod(two for _, two in each) for each in pairs)
+        found.append((_key(key, axes, cells), plain, low))
+    return tuple(found)
+
+
+# ---------------------------------------------------------------------------------------------------------- the noise
+
+
+def _spline(t: Array) -> tuple[Array, Array, Array]:
+    return (1 - t) * (1 - t) / 2, t.dtype.type(0.5) + t * (1 - t), t * t / 2
+
+
+def _slope(t: Array) -> tuple[Array, Array, Array]:
+    return t - 1, 1 - 2 * t, t
+
+
+def evaluate(place: Place, p: Parameters, derivatives: bool) -> Values:
+    (part,) = place.slices
+    assert part.table is not None
+    kind = place.x.dtype.type
+    table = part.table.astype(kind)
+    rows = [(place.y_cells + j) % table.shape[0] for j in (-1, 0, 1)]
+    columns = [(place.x_cells + i) % table.shape[1] for i in (-1, 0, 1)]
+    across, down = _spline(place.x), _spline(place.y)
+    size = np.broadcast_shapes(place.x.shape, place.y.shape)
+    sums = [np.zeros(size, kind) for _ in range(3 if derivatives else 1)]
+    for j, i in product(range(3), repeat=2):
+        value = table[rows[j], columns[i]]
+        sums[0] += down[j] * (across[i] * value)
+        if derivatives:
+            sums[1] += down[j] * (_slope(place.x)[i] * value)
+            sums[2] += _slope(place.y)[j] * (across[i] * value)
+    inside = np.abs(sums[0]) < 1
+    slopes = [np.where(inside, each, 0) for each in sums[1:]]
+    value = np.clip(sums[0], -1, 1)
+    return (value, slopes[0], slopes[1]) if derivatives else (value, None, None)
+
+
+# -------------------------------------------------------------------------------------------------------- declaration
+
+
+def largest(p: Parameters) -> float:
+    """Bound of a coefficient, over four standard deviations: signs add up in the sum over the places of the coarse
+    lattice, plainly and through U D; along z the spline's weights are 1 at most, over their root of squares where they
+    are brought to one variance."""
+    further = p.dimensions - 2
+    if p.axes > 2:
+        return 2 ** (p.dimensions / 2) * (1 + bands.SPREAD**p.dimensions) * scale(p)
+    return 2 * (1 + bands.SPREAD**2) * math.sqrt(3.0) ** further * scale(p)
+
+
+def _rounding(p: Parameters) -> float:
+    """A coefficient carries one rounding, each axis' weights six, and the sum of nine one for each."""
+    return 24 * largest(p) + 2
+
+
+BASIS: Basis[Parameters] = Basis(
+    lattice=lambda p: Lattice(0.6, side=side(p)),
+    slices=slices,
+    evaluate=evaluate,
+    mean=lambda p: (0.0, NORMAL_MAGNITUDE),
+    slope=lambda p: 2 * math.sqrt(2) * largest(p),
+    rounding=_rounding,
+    slope_rounding=lambda p: None,
+    work=lambda p: 3.0,
+    defines=lambda p: {"BASIS": 4},
+)
+
+wavelet_noise = declared(
+    BASIS,
+    name="wavelet_noise",
+    summary="Wavelet noise: octaves of random bands of frequencies that do not overlap, tileable, with derivatives.",
+    description=__doc__ or "",
+    parameters=Parameters,
+    examples=(
+        {"width": 96, "height": 64, "cell": 12},
+        {"width": 64, "height": 64, "cell": 16, "dimensions": 3, "z": 0.37, "depth": "solid", "fractal": "none",
+         "tile": True},
+        {"width": 48, "height": 40, "cell": 16, "dimensions": 3, "z": 0.37, "octaves": 2, "output": "derivatives"},
+    ),
+    hard_cases=lattice_cases(),
+    rates={
+        "opencl": (Rate(3e-3, 5.0e-10), Rate(3e-3, 9e-10)),
+        "numpy": (Rate(3e-3, 1.5e-8), Rate(3e-3, 1.8e-8)),
+    },
+)  # fmt: skip
