@@ -193,7 +193,7 @@ wavelet_noise = declared(
     ),
     hard_cases=lattice_cases(),
     rates={
-        "opencl": (Rate(3e-3, 5.0e-10), Rate(3e-3, 9e-10)),
-        "numpy": (Rate(3e-3, 1.5e-8), Rate(3e-3, 1.8e-8)),
+        "opencl": (Rate(3e-3, 4.1e-10), Rate(3e-3, 5.5e-10)),
+        "numpy": (Rate(3e-3, 3.4e-8), Rate(3e-3, 4.2e-8)),
     },
 )  # fmt: skip
