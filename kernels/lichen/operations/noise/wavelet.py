@@ -9,13 +9,13 @@ In three and four dimensions there is a choice, since a plane through a solid ba
 
 * `projected`: coefficients are those of signs that are themselves a quadratic spline along z and w, at its own
   variance. Every slice is a band, as in two dimensions; along z the noise is merely smooth.
-* `solid`: U D goes along all axes. The solid is a band, its slices are not.
+* `solid`: U D goes along z too. The solid is a band, its slices are not; a fourth dimension is smooth, as above.
 
 Cook and DeRose project a solid along a plane's normal, by the weights of a spline; their slices are nearly bands.
 
-Tables repeat after 128 cells (32 where four dimensions are solid), or as often as a picture that repeats. The variance
-is that of the weights: with s = 0.55 and c = 0.4093, the means over a place of the squares of the spline's weights and
-of those through U D, s^d - c^d in d axes.
+Tables repeat after 128 cells, or as often as a picture that repeats. The variance is that of the weights: with s = 0.55
+and c = 0.4093, the means over a place of the squares of the spline's weights and of those through U D, s^d - c^d where
+U D goes along d axes.
 
 Sources: Cook and DeRose, Wavelet noise, SIGGRAPH 2005; octaves.py and fractal.py."""
 
@@ -55,12 +55,7 @@ class Parameters(LatticeParameters):
     @property
     def axes(self) -> int:
         """Along which U D goes."""
-        return self.dimensions if self.depth is Depth.SOLID else 2
-
-
-def side(p: Parameters) -> int:
-    """Cells after which a table repeats."""
-    return 32 if p.axes == 4 else bands.SIDE
+        return min(self.dimensions, 3) if self.depth is Depth.SOLID else 2
 
 
 def scale(p: Parameters) -> float:
@@ -74,8 +69,8 @@ def scale(p: Parameters) -> float:
 
 def slices(p: Parameters, key: Key, axes: tuple[Axis, ...]) -> tuple[Slice, ...]:
     """One plane, whose table all that lies around z and w has gone into."""
-    columns, rows = (bands.side(axis.period, side(p)) for axis in axes[:2])
-    layers = _solid(key, axes[2:]) if p.axes > 2 else _projected(key, axes[2:])
+    columns, rows = (bands.side(axis.period, bands.SIDE) for axis in axes[:2])
+    layers = _solid(key, axes[2], axes[3:]) if p.axes > 2 else _projected(key, axes[2:])
     return (Slice(key, 0.0, 0.0, table=bands.table(layers, rows, columns) * scale(p)),)
 
 
@@ -87,32 +82,31 @@ def _key(key: Key, axes: tuple[Axis, ...], cells: tuple[int, ...]) -> Key:
     return int(found[0][0]), int(found[1][0])
 
 
-def _projected(key: Key, axes: tuple[Axis, ...]) -> bands.Layers:
-    """Planes weighed by the spline, at the variance of one; those that are one plane come round count together."""
+def _smooth(key: Key, axes: tuple[Axis, ...]) -> dict[Key, float]:
+    """Keys of the planes that the spline reaches and their weights, at the variance of one plane; those that are one
+    because the noise comes round count together."""
     found: dict[Key, float] = {}
     for offsets in product((-1, 0, 1), repeat=len(axes)):
         weight = math.prod(bands.weights(float(a.fractions[0]))[o + 1] for o, a in zip(offsets, axes, strict=True))
-        cells = tuple(int(a.cells[0]) + o for o, a in zip(offsets, axes, strict=True))
-        own = _key(key, axes, cells)
+        own = _key(key, axes, tuple(int(a.cells[0]) + o for o, a in zip(offsets, axes, strict=True)))
         found[own] = found.get(own, 0.0) + weight
     size = math.sqrt(math.fsum(weight * weight for weight in found.values()))
-    return tuple((own, (weight / size,), (weight / size,)) for own, weight in found.items())
+    return {own: weight / size for own, weight in found.items()}
 
 
-def _solid(key: Key, axes: tuple[Axis, ...]) -> bands.Layers:
-    """Planes that count plainly, or through U D, for each place of the coarse lattice along z and w."""
-    parities = list(product((0, 1), repeat=len(axes)))
-    counts = [[bands.along(int(a.cells[0]), float(a.fractions[0]), parity) for parity in (0, 1)] for a in axes]
-    reached = [sorted(set(both[0]) | set(both[1])) for both in counts]
+def _projected(key: Key, axes: tuple[Axis, ...]) -> bands.Layers:
+    return tuple((own, (weight,), (weight,)) for own, weight in _smooth(key, axes).items())
+
+
+def _solid(key: Key, z: Axis, others: tuple[Axis, ...]) -> bands.Layers:
+    """Planes that count plainly, or through U D, for each place of the coarse lattice along z."""
+    both = [bands.along(int(z.cells[0]), float(z.fractions[0]), parity) for parity in (0, 1)]
     found = []
-    for cells in product(*reached):
-        pairs = [
-            [both[parity].get(cell, (0.0, 0.0)) for both, parity, cell in zip(counts, own, cells, strict=True)]
-            for own in parities
-        ]
-        plain = tuple(math.prod(one for one, _ in each) for each in pairs)
-        low = tuple(math.prod(two for _, two in each) for each in pairs)
-        found.append((_key(key, axes, cells), plain, low))
+    for space, weight in _smooth(key, others).items():
+        for cell in sorted(set(both[0]) | set(both[1])):
+            pairs = [each.get(cell, (0.0, 0.0)) for each in both]
+            plain, low = (tuple(weight * pair[which] for pair in pairs) for which in (0, 1))
+            found.append((_key(space, (z,), (cell,)), plain, low))
     return tuple(found)
 
 
@@ -156,10 +150,8 @@ def largest(p: Parameters) -> float:
     """Bound of a coefficient, over four standard deviations: signs add up in the sum over the places of the coarse
     lattice, plainly and through U D; along z the spline's weights are 1 at most, over their root of squares where they
     are brought to one variance."""
-    further = p.dimensions - 2
-    if p.axes > 2:
-        return 2 ** (p.dimensions / 2) * (1 + bands.SPREAD**p.dimensions) * scale(p)
-    return 2 * (1 + bands.SPREAD**2) * math.sqrt(3.0) ** further * scale(p)
+    further = math.sqrt(3.0) ** (p.dimensions - p.axes)
+    return float(2 ** (p.axes / 2) * (1 + bands.SPREAD**p.axes) * further * scale(p))
 
 
 def _rounding(p: Parameters) -> float:
@@ -168,7 +160,7 @@ def _rounding(p: Parameters) -> float:
 
 
 BASIS: Basis[Parameters] = Basis(
-    lattice=lambda p: Lattice(0.6, side=side(p)),
+    lattice=lambda p: Lattice(0.6, side=bands.SIDE),
     slices=slices,
     evaluate=evaluate,
     mean=lambda p: (0.0, NORMAL_MAGNITUDE),

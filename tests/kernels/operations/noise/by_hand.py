@@ -204,13 +204,12 @@ def _coarse(fine: dict[int, float], parity: int) -> dict[int, float]:
 
 def wavelet(at: Place, key: Key, p: Any) -> float:
     """All signs that a place can feel, each by what it weighs: plainly, less through the coarse lattice."""
-    axes = len(at) if p.depth == "solid" else 2
-    side = 32 if axes == 4 else 128
+    axes = min(len(at), 3) if p.depth == "solid" else 2
     plain = [_spline(c) for c in at]
     low = [{parity: _coarse(weights, parity) for parity in (0, 1)} for weights in plain[:axes]]
     reach = [sorted(set(both[0]) | set(both[1])) for both in low] + [sorted(weights) for weights in plain[axes:]]
     cells = product(*reach)
-    words = np.array([point(key, (cell[0] % side, cell[1] % side, *cell[2:])) for cell in cells], np.uint64)
+    words = np.array([point(key, (cell[0] % 128, cell[1] % 128, *cell[2:])) for cell in cells], np.uint64)
     words = words.reshape([len(each) for each in reach])
 
     def together(chosen: list[dict[int, float]]) -> Any:
