@@ -188,4 +188,5 @@ wavelet_noise = declared(
         "opencl": (Rate(3e-3, 4.1e-10), Rate(3e-3, 5.5e-10)),
         "numpy": (Rate(3e-3, 3.4e-8), Rate(3e-3, 4.2e-8)),
     },
+    period="after 128 cells in each octave",
 )  # fmt: skip
