@@ -48,7 +48,7 @@ def _chart(study: Study, left: float, right: float, top: float) -> Iterator[Shap
             yield Dot(across, up, hue, 2.6, title=f"{name}: {scientific(b)} at {scientific(a)}")
         highest = min(shown, key=lambda point: point[1])
         places = [highest, min(shown), max(shown)]
-        for place in reversed(places) if number % 2 else places:  # lines that run beside each other
+        for place in places[::-1] if number % 2 else places:  # lines that run beside each other
             if labels.put(*place, name, role=hue, size=13, bold=True):
                 break
     yield from labels.placed

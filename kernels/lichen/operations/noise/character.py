@@ -55,7 +55,7 @@ def described(pictures: list[Array], unit: int, proved: tuple[float, float], per
     middle = (length > most / 3) & (length < most)
     axes = power[middle & ((turned < 15) | (turned > 75))].mean()
     anisotropy = float(axes / power[middle & (np.abs(turned - 45) < 15)].mean())
-    numbers = {
+    numbers: dict[str, Any] = {
         "range_proved": [brief(each) for each in proved],
         "range_found": [brief(min(p.min() for p in pictures)), brief(max(p.max() for p in pictures))],
         "mean": round(float(np.mean(pictures)), 3) + 0.0,  # and no -0

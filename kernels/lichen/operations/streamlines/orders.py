@@ -20,7 +20,7 @@ from lichen.memory import Array
 from lichen.operations.streamlines.adaptive import STAGES
 from lichen.operations.streamlines.lic import lic
 from lichen.operations.streamlines.lines import Advance, Slope, euler, runge_kutta_2, runge_kutta_4
-from lichen.study import Study, brief
+from lichen.study import Curve, Study, brief
 
 LENGTH = 8.0
 STEPS = (2.0, 1.0, 0.5, 0.25, 0.125)
@@ -89,7 +89,8 @@ def order(curve: list[tuple[float, float]]) -> float:
 
 
 def study() -> Study:
-    curves, orders = {}, {}
+    curves: dict[str, Curve] = {}
+    orders: dict[str, dict[str, float]] = {}
     for name in FIELDS:
         wanted = exact(name)
         for method, rule in RULES.items():
