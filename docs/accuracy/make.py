@@ -67,6 +67,7 @@ def section(report: Report) -> str:
     rows = ["| setting | time | worst case | typical |", "|---|---:|---:|---:|"]
     rows += [row(each) for each in report.worthwhile]
     rows += [row(each) for each in report.settings if each.peer and each.failed is None]
+    told = report.study.sentences if report.study else ()
     where = f"{report.device}, {report.image}, {', '.join(report.machine.values())}"
     return "\n".join(
         [
@@ -78,6 +79,8 @@ def section(report: Report) -> str:
             "",
             *rows,
             "",
+            *(f"- {sentence}" for sentence in told),
+            *([""] if told else []),
             f"{where}. {report.source} Again: `{report.command}`. [Numbers]({report.operation}.json),"
             f" [picture]({report.operation}.png).",
             "",

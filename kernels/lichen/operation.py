@@ -31,6 +31,7 @@ from lichen.errors import Flaw, InvalidRequest, parameter_flaws
 from lichen.image import Alpha, Extent, Image, Space
 from lichen.memory import Array
 from lichen.stage import Stage, no_stage
+from lichen.study import Study
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -297,6 +298,8 @@ class Operation(Generic[P]):
     """parameter sets that show what it does; tests, benchmarks and documentation run all of them"""
     hard_cases: tuple[HardCase, ...] = ()
     description: str = ""
+    study: Callable[[], Study] | None = None
+    """measures what is worth knowing of it beside its errors; made once, and kept"""
     methods: dict[str, Method[P]] = field(default_factory=dict, init=False)
     _truth: Callable[[Inputs, P], Array] | None = field(default=None, init=False)
     _findings: Callable[[Inputs, P, Array], Mapping[str, Any]] | None = field(default=None, init=False)

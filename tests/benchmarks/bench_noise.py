@@ -48,6 +48,8 @@ def noises() -> Iterator[tuple[str, str, dict[str, Any]]]:
     for metric in ("euclidean", "manhattan", "chebyshev"):
         yield "worley_noise", f"Worley F1, {metric}", {**lattice, "metric": metric}
     yield "worley_noise", "Worley F2-F1", {**lattice, "feature": "f2-f1"}
+    yield "wavelet_noise", "wavelet", lattice
+    yield "wavelet_noise", "wavelet, solid 3-D", {**lattice, "dimensions": 3, "z": 0.37, "depth": "solid"}
     yield "spot_noise", "spot", lattice
     yield "spot_noise", "spot, stretched 4", {**lattice, "stretch": 4}
     yield "gabor_noise", "Gabor, all directions", {**lattice, "waves": 1}

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image as pillow
+from PIL import ImageSequence
 
 from lichen import engine
 from lichen.errors import DeviceFailure
@@ -109,6 +112,17 @@ def test_every_format_comes_back_as_itself(call: Caller, name: str) -> None:
     assert response.headers["Content-Type"] == FORMATS[name].media_type
     header = probe(response.body)
     assert (header.format, header.width, header.height, header.channels) == (name, 16, 12, 3)
+
+
+def test_an_animation_is_one_request(call: Caller) -> None:
+    y, x = np.mgrid[:10, :12].astype(np.float32)
+    field = np.stack([4.5 - y, x - 5.5], axis=-1)
+    query = "frames=24&length=4&kernel=ripple&method=euler&device=numpy"
+    response = call("POST", f"/v1/operations/lic?{query}", npy(field), {"accept": "image/webp"})
+    assert response.headers["Content-Type"] == "image/webp"
+    with pillow.open(io.BytesIO(response.body)) as file:
+        assert (getattr(file, "n_frames", 1), file.size) == (24, (12, 10))
+        assert len({frame.tobytes() for frame in ImageSequence.Iterator(file)}) == 24
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ def _times(chosen: Sequence[Operation[Any]], quick: bool, progress: Progress) ->
 
 
 def _errors(chosen: Sequence[Operation[Any]], progress: Progress) -> int:
-    from lichen.calibration import sweep, table
+    from lichen.calibration import studies, sweep, table
 
     task = progress.add_task("comparing", total=sum(len(each.examples) for each in chosen))
     entries = []
@@ -80,9 +80,9 @@ def _errors(chosen: Sequence[Operation[Any]], progress: Progress) -> int:
             progress.update(task, description=f"{each.name}, example {number}")
             entries += sweep.errors(each, number)
             progress.advance(task)
-    path = table.save(entries)
+    paths = table.save(entries), studies.save(chosen)
     progress.stop()
-    print(path)
+    print(*paths, sep="\n")
     broken = [entry for entry in entries if not entry.holds]
     for entry in broken:
         knob = "" if entry.knob is None else f" at {entry.knob:g}"

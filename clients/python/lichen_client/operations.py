@@ -3834,6 +3834,87 @@ class Operations(Generic[R]):
             **options,
         )
 
+    def wavelet_noise(
+        self,
+        *,
+        width: int | None = None,
+        height: int | None = None,
+        seed: int | None = None,
+        low: float | None = None,
+        high: float | None = None,
+        cell: float | Numbers | None = None,
+        x: float | None = None,
+        y: float | None = None,
+        tile: bool | None = None,
+        fractal: Literal["none", "fbm", "turbulence", "billow", "ridged"] | None = None,
+        octaves: int | None = None,
+        lacunarity: float | None = None,
+        gain: float | None = None,
+        antialias: bool | None = None,
+        warp: float | None = None,
+        dimensions: int | None = None,
+        z: float | None = None,
+        w: float | None = None,
+        loop: int | None = None,
+        output: Literal["value", "derivatives"] | None = None,
+        depth: Literal["projected", "solid"] | None = None,
+        tail: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Wavelet noise: octaves of random bands of frequencies that do not overlap, tileable, with derivatives.
+
+        width: of the picture; at least 1, at most 16384; px; default 512
+        height: of the picture; at least 1, at most 16384; px; default 512
+        seed: which of the noises; at least 0, at most 4294967295; default 0
+        low: what noise of -1 becomes; at least -1000000, at most 1000000; default 0.0
+        high: what noise of +1 becomes; at least -1000000, at most 1000000; default 1.0
+        cell: side of a cell, or its sides along x and y; at least 1e-06, at most 1000000; px; default 64.0
+        x: of the picture's left edge; at least -1000000000000, at most 1000000000000; px; default 0.0
+        y: of the picture's upper edge; at least -1000000000000, at most 1000000000000; px; default 0.0
+        tile: whether the picture repeats without a seam; a whole number of cells is fitted into it; default false
+        fractal: how octaves are summed; default "fbm"
+        octaves: octaves at most; 0 gives the middle; at least 0, at most 30; default 6
+        lacunarity: from one octave's frequency to the next one's; at least 1, at most 16; default 2.0
+        gain: from one octave's amplitude to the next one's; lacunarity^-H; at least 0, at most 8; default 0.5
+        antialias: whether octaves that pixels cannot show are replaced by their mean, the last one fading; default
+            true
+        warp: how far places are moved by two more such noises; at least 0, at most 16384; px; default 0.0
+        dimensions: of the noise; beyond two, the picture is a slice at z and w; at least 2, at most 4; default 2
+        z: third coordinate, in cells: time, or depth; at least -1000000000, at most 1000000000; default 0.0
+        w: fourth coordinate, in cells; at least -1000000000, at most 1000000000; default 0.0
+        loop: cells of z after which the noise comes again; 0: never; at least 0, at most 65536; default 0
+        output: the noise alone, or its derivatives with it; default "value"
+        depth: what holds one octave of frequencies beyond two dimensions; default "projected"
+        tail: share of the output's range that octaves may be left out for; 0 to 0.5; a knob
+        method: single, double
+        """
+        return self.run(
+            "wavelet_noise",
+            width=width,
+            height=height,
+            seed=seed,
+            low=low,
+            high=high,
+            cell=cell,
+            x=x,
+            y=y,
+            tile=tile,
+            fractal=fractal,
+            octaves=octaves,
+            lacunarity=lacunarity,
+            gain=gain,
+            antialias=antialias,
+            warp=warp,
+            dimensions=dimensions,
+            z=z,
+            w=w,
+            loop=loop,
+            output=output,
+            depth=depth,
+            tail=tail,
+            **options,
+        )
+
     def white_noise(
         self,
         *,

@@ -20,7 +20,7 @@ import numpy as np
 
 import lichen
 from lichen.accuracy import times
-from lichen.calibration import sweep
+from lichen.calibration import studies, sweep
 from lichen.calibration.corpus import Case, cases, typical
 from lichen.calibration.peers import peers
 from lichen.calibration.report import Report, Setting
@@ -256,6 +256,7 @@ def _report(
         source=source,
         machine=machine(backend, versions),
         command=f"lichen accuracy {operation.name}{which} --size {size} --device {backend}",
+        study=studies.load().get(operation.name),
     )
 
 

@@ -15,6 +15,7 @@ from functools import cached_property
 
 from lichen.calibration.chart import Labels, Scale, spanning, wrapped
 from lichen.calibration.drawing import HUES, Area, Dot, Drawing, Form, Line, Shape, Text, text_width
+from lichen.calibration.panel import panel
 from lichen.calibration.report import PLAIN, Report, Setting, Verdict, milliseconds, scientific, short
 
 WIDTH = 960
@@ -114,6 +115,9 @@ class _Plot:
         failed = self._failed(labels)
         self._label(labels)
         shapes += [*dots, *failed, *labels.placed, *caption]
+        if self.report.study:
+            below, end = panel(self.report.study, LEFT, RIGHT, float(height))
+            shapes, height = [*shapes, *below], round(end + 22)
         title = f"{self.report.title}: what accuracy costs in time"
         return Drawing(WIDTH, height, title, f"{self.report.headline} {self.report.remark}".strip(), tuple(shapes))
 
@@ -289,6 +293,11 @@ class _Plot:
                 shapes.append(Text(LEFT - 46, y, part, "muted", 11))
         return shapes, round(y + 22)
 
+    def _speed(self) -> str:
+        """In points a second, as those count who make noise."""
+        fastest = self.report.front[:1] if self.report.study else []
+        return "".join(f"; {each.label}: {self.report.megapoints(each):.0f} Mpoint/s" for each in fastest)
+
     def _small_print(self) -> list[str]:
         facts = ", ".join(self.report.machine.values())
         named: dict[str, list[str]] = {}
@@ -297,7 +306,7 @@ class _Plot:
         numbers = "; ".join(f"{knob} ({', '.join(methods)})" for knob, methods in named.items())
         return [
             *([f"Numbers at the marks: {numbers}."] if numbers else []),
-            f"{self.report.device}, {self.report.image}. {facts}.",
+            f"{self.report.device}, {self.report.image}{self._speed()}. {facts}.",
             self.report.source,
             f"Again: {self.report.command}",
         ]

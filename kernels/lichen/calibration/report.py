@@ -20,6 +20,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 from lichen.accuracy.frontier import Cost, Price, compare, dominators, front, prices, worthwhile
+from lichen.study import Study
 
 Ranking = Literal["worst", "typical"]
 Standing = Literal["worthwhile", "front", "dominated", "variant", "failed", "peer"]
@@ -87,6 +88,8 @@ class Report:
     """how times and errors are known, a sentence"""
     machine: Mapping[str, str] = field(default_factory=dict)
     command: str = ""
+    study: Study | None = None
+    """what else was measured of the operation"""
 
     @cached_property
     def ours(self) -> list[int]:
@@ -205,6 +208,10 @@ class Report:
             )
         return ""
 
+    def megapoints(self, setting: Setting) -> float:
+        """Million pixels a second."""
+        return self.size * self.size / setting.seconds / 1e6
+
     @property
     def image(self) -> str:
         return f"{self.size} x {self.size} px"
@@ -229,11 +236,12 @@ class Report:
             "remark": self.remark,
             "prices": [self._price(each) for each in self.prices],
             "settings": [
-                _setting(setting, verdict, self.knobs)
+                _setting(setting, verdict, self.knobs) | {"megapoints": self.megapoints(setting)}
                 for setting, verdict in zip(self.settings, self.verdicts, strict=True)
             ],
             "machine": dict(self.machine),
             "command": self.command,
+            "study": self.study and self.study.to_json(),
         }
 
     def _price(self, price: Price) -> dict[str, Any]:

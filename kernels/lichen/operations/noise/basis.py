@@ -34,6 +34,8 @@ class Slice:
     """of all its points, where the basis interpolates"""
     centred: bool = False
     """whether its points lie half a cell off along x and y"""
+    table: Array | None = None
+    """numbers of its cells, (rows, columns), that repeat, where the basis has no hash say them"""
 
 
 @dataclass(frozen=True, slots=True)

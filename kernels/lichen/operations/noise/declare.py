@@ -13,6 +13,7 @@ from lichen.memory import Array
 from lichen.opencl.device import Device
 from lichen.operation import POINTWISE, HardCase, InputFacts, Inputs, Knob, Light, Operation, Rate
 from lichen.operations.noise.basis import Basis
+from lichen.operations.noise.character import CELL, studied
 from lichen.operations.noise.errors import error, steepest
 from lichen.operations.noise.launch import Task
 from lichen.operations.noise.octaves import Cut, cut, too_far, visible
@@ -32,8 +33,10 @@ def declared(
     examples: tuple[Mapping[str, Any], ...],
     hard_cases: tuple[HardCase, ...],
     rates: Mapping[str, tuple[Rate, Rate]],
+    period: str = "after 2^32 cells",
 ) -> Operation[Any]:
-    """The operation; `rates` are those in single and in double precision by backend."""
+    """The operation; `rates` are those in single and in double precision by backend, `period` says when a picture that
+    is not to repeat does so all the same."""
     operation: Operation[Any] = Operation(
         name=name,
         family="noise",
@@ -49,6 +52,9 @@ def declared(
         examples=examples,
         hard_cases=hard_cases,
     )
+
+    one = {"fractal": Fractal.NONE, "cell": CELL, "tile": True, "antialias": False}
+    operation.study = studied(operation, one, CELL, period)
 
     @operation.truth
     def truth(inputs: Inputs, p: LatticeParameters) -> Array:

@@ -19,6 +19,7 @@ from lichen.operations.noise.summing import Placed, placed, shapes
 SOURCE = "noise/sum.cl"
 SEGMENT = 64
 """Pixels of a work-item; `SEGMENT` in sum.cl."""
+LANES = 16
 LOCAL = (16,)
 FRACTALS = {each: number for number, each in enumerate(Fractal)}
 
@@ -65,11 +66,13 @@ class Task:
             p.width, p.height, self.stride, p.channels, len(lattices), len(shape.left), FRACTALS[shape.fractal],
             p.dimensions, parts,
         )  # fmt: skip
+        tables = self._tables(lattices)
+        sizes = (0, 0) if tables is None else tables.shape[1:]
         session.launch(
             SOURCE, "sum", (-(-p.width // SEGMENT) * p.height,),
-            *self._axes(lattices), *self._slices(lattices), self._terms(shape, lattices), self._own(), *moved,
+            *self._axes(lattices), *self._slices(lattices), self._terms(shape, lattices), self._own(), tables, *moved,
             planes if planes is None else session.write(planes), out if out is None else session.write(out),
-            *(np.int32(n) for n in integers),
+            *(np.int32(n) for n in (*integers, *sizes)),
             *(real(n) for n in (shape.start, shape.mean, middle, half, p.warp)),
             local=LOCAL, defines=self._defines(warped=moved[0] is not None),
         )  # fmt: skip
@@ -101,16 +104,32 @@ class Task:
         return *columns, *rows
 
     def _slices(self, lattices: tuple[Placed, ...]) -> tuple[Array, Array]:
-        """Keys of all slices, and their distances, weights and whether they are centred, octave by octave."""
+        """Keys of all slices, and their distances, weights, whether they are centred and the sizes of their tables,
+        octave by octave."""
         found = [part for each in lattices for part in each.slices]
         keys, places = (
             aligned_empty((max(len(found), 1), 2), np.uint32),
-            aligned_empty((max(len(found), 1), 4), self.dtype),
+            aligned_empty((max(len(found), 1), 6), self.dtype),
         )
         for at, part in enumerate(found):
             keys[at] = part.key
-            places[at] = part.z, part.w, part.weight, part.centred
+            sizes = (0, 0) if part.table is None else part.table.shape
+            places[at] = part.z, part.w, part.weight, part.centred, *sizes
         return keys, places
+
+    def _tables(self, lattices: tuple[Placed, ...]) -> Array | None:
+        """Tables of all octaves, their first columns repeated after the last, so that neighbours are beside each
+        other."""
+        found = [part.table for each in lattices for part in each.slices if part.table is not None]
+        if not found:
+            return None
+        rows, columns = (max(each.shape[axis] for each in found) for axis in (0, 1))
+        tables = aligned_empty((len(found), rows, -(-(columns + 2) // LANES) * LANES), self.dtype)
+        tables[...] = 0
+        for at, table in enumerate(found):
+            down, across = table.shape
+            tables[at, :down, : across + 2] = np.concatenate([table, table[:, :2]], axis=1)
+        return tables
 
     def _own(self) -> Array:
         """The numbers of the basis."""

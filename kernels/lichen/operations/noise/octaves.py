@@ -49,6 +49,15 @@ class Lattice:
     """rows of lattice points in a cell's height"""
     rows_multiple: int = 1
     """a period along y holds a multiple of so many rows"""
+    side: int = 0
+    """cells after which the lattice comes again by itself, about: a period of more holds whole tables of an even
+    number of cells; 0: never"""
+
+    def fitted(self, cells: float, multiple: int = 1) -> int:
+        """The period nearest to so many cells, or rows."""
+        tables = max(1, round(cells / self.side)) if self.side else 1
+        each = 2 * tables if self.side else multiple
+        return each * max(1, round(cells / each))
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,10 +112,10 @@ def octaves(p: LatticeParameters, lattice: Lattice) -> tuple[Octave, ...]:
         down *= lattice.rows_per_cell
         period_x = period_y = 0
         if p.tile:
-            period_x = max(1, round(p.width * across))
-            period_y = lattice.rows_multiple * max(1, round(p.height * down / lattice.rows_multiple))
+            period_x = lattice.fitted(p.width * across)
+            period_y = lattice.fitted(p.height * down, lattice.rows_multiple)
             across, down = period_x / p.width, period_y / p.height
-        period_z = max(1, round(p.loop * scale)) if p.loop else 0
+        period_z = lattice.fitted(p.loop * scale) if p.loop else 0
         fastest = max(across, down / lattice.rows_per_cell) * lattice.band
         kept = smooth(-1 - math.log2(fastest)) if p.antialias else 1.0
         shift = (0.0,) * 4 if k == 0 else _shift(p.seed, k)

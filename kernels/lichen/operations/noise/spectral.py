@@ -39,6 +39,7 @@ from lichen.operation import (
     Operation,
     Rate,
 )
+from lichen.operations.noise.character import studied
 from lichen.operations.noise.parameters import Generated, no_inputs
 
 
@@ -146,6 +147,9 @@ spectral_noise = Operation(
                  {"width": 128, "height": 64, "beta": 8}, _centred),
     ),
 )  # fmt: skip
+
+
+spectral_noise.study = studied(spectral_noise, {}, 1, "at the picture's edges, always")
 
 
 @spectral_noise.truth

@@ -10,6 +10,8 @@
 #define FRACTAL_BILLOW 3
 #define FRACTAL_RIDGED 4
 
+#define TABLES (BASIS == 4)
+
 #include "lanes.clh"
 #include "gradient.clh"
 #if BASIS == 0
@@ -18,8 +20,10 @@
 #include "simplex.clh"
 #elif BASIS == 2
 #include "worley.clh"
-#else
+#elif BASIS == 3
 #include "impulses.clh"
+#else
+#include "wavelet.clh"
 #endif
 
 #define VECTORS 4
@@ -102,13 +106,15 @@ NOISE_FN void put(reals v, global real *restrict planes, global float *restrict 
 }
 
 // `moved` are such planes: how places move along x and y, in units of `warp` px, each followed by its
-// derivatives along x and y where those are wanted. `own` are numbers of the basis.
+// derivatives along x and y where those are wanted. `own` are numbers of the basis; `tables`, where it has any, one for
+// each octave, in `table_rows` rows of `table_stride`.
 kernel void sum(global const int *restrict column_cells, global const real *restrict columns,
                 global const int *restrict row_cells, global const real *restrict rows, constant const uint *keys,
                 constant const real *places, constant const real *terms, constant const real *own,
+                global const real *restrict tables,
                 global const real *restrict moved_x, global const real *restrict moved_y, global real *restrict planes,
                 global float *restrict out, int width, int height, int stride, int channels, int octaves, int left, int fractal, int dimensions,
-                int parts, real start, real mean, real middle, real half_range, real warp)
+                int parts, int table_rows, int table_stride, real start, real mean, real middle, real half_range, real warp)
 {
     const int segments = (width + SEGMENT - 1) / SEGMENT;
     const int first = (int)(get_global_id(0) % segments) * SEGMENT, row = (int)(get_global_id(0) / segments);
@@ -130,7 +136,7 @@ kernel void sum(global const int *restrict column_cells, global const real *rest
         Slice slices[MOST_SLICES];
         #pragma unroll 1
         for (int i = 0; i < parts; i++) {
-            constant const real *place = places + (k * parts + i) * 4;
+            constant const real *place = places + (k * parts + i) * 6;
             slices[i].key = vload2(k * parts + i, keys);
             slices[i].z = place[0];
             slices[i].w = place[1];
@@ -138,6 +144,12 @@ kernel void sum(global const int *restrict column_cells, global const real *rest
             slices[i].centred = place[3];
             slices[i].four = dimensions == 4;
             slices[i].count = parts;
+#if TABLES
+            slices[i].table = tables + (size_t)k * table_rows * table_stride;
+            slices[i].stride = table_stride;
+            slices[i].rows = (int)place[4];
+            slices[i].columns = (int)place[5];
+#endif
         }
         const int row_cell = row_cells[k * height + row];
         const real row_place = rows[k * height + row];

@@ -28,6 +28,7 @@ from lichen.hashing import pcg3d, unit
 from lichen.memory import Array, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import POINTWISE, ROUNDING, Error, HardCase, InputFacts, Inputs, Light, Operation, Rate
+from lichen.operations.noise.character import studied
 from lichen.operations.noise.parameters import Generated, no_inputs
 
 CHANNEL = 0x9E3779B9
@@ -124,6 +125,9 @@ white_noise = Operation(
         ),
     ),
 )
+
+
+white_noise.study = studied(white_noise, {}, 1, "after 2^32 px")
 
 
 @white_noise.truth

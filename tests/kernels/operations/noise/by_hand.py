@@ -9,8 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from functools import reduce
 from itertools import product
 from typing import Any
+
+import numpy as np
 
 MASK = 0xFFFFFFFF
 Place = tuple[Fraction, ...]
@@ -173,6 +176,58 @@ def sparse(at: Place, key: Key, p: Any) -> float:
     return min(max(total / (4 * deviation), -1.0), 1.0)
 
 
+HALF = "334 -1528 410 3545 -938 -8233 2172 19120 -5040 -44412 11655 103311 -25936 -243780 33979 655340"
+"""Millionths of the filter that is printed with Wavelet noise, its first half."""
+DOWN = [int(word) / 1e6 for word in HALF.split()]
+DOWN += DOWN[::-1]
+
+
+def _spline(at: Fraction) -> dict[int, float]:
+    """Weights of cells by a quadratic B-spline around the middle of each."""
+    cell, t = math.floor(at), float(at - math.floor(at))
+    return {cell - 1: (1 - t) ** 2 / 2, cell: 1 - (1 - t) ** 2 / 2 - t * t / 2, cell + 1: t * t / 2}
+
+
+def _coarse(fine: dict[int, float], parity: int) -> dict[int, float]:
+    """Weights of cells when they are first taken to the cells of this parity and back."""
+    coarse: dict[int, float] = {}
+    for cell, weight in fine.items():
+        for up, share in zip((-2, -1, 0, 1), (0.25, 0.75, 0.75, 0.25), strict=True):
+            if (cell - up - parity) % 2 == 0:
+                coarse[cell - up] = coarse.get(cell - up, 0.0) + weight * share
+    found: dict[int, float] = {}
+    for cell, weight in coarse.items():
+        for down, share in enumerate(DOWN, start=-16):
+            found[cell + down] = found.get(cell + down, 0.0) + weight * share
+    return found
+
+
+def wavelet(at: Place, key: Key, p: Any) -> float:
+    """All signs that a place can feel, each by what it weighs: plainly, less through the coarse lattice."""
+    axes = min(len(at), 3) if p.depth == "solid" else 2
+    plain = [_spline(c) for c in at]
+    low = [{parity: _coarse(weights, parity) for parity in (0, 1)} for weights in plain[:axes]]
+    reach = [sorted(set(both[0]) | set(both[1])) for both in low] + [sorted(weights) for weights in plain[axes:]]
+    cells = product(*reach)
+    words = np.array([point(key, (cell[0] % 128, cell[1] % 128, *cell[2:])) for cell in cells], np.uint64)
+    words = words.reshape([len(each) for each in reach])
+
+    def together(chosen: list[dict[int, float]]) -> Any:
+        rows = [np.array([weights.get(c, 0.0) for c in each]) for weights, each in zip(chosen, reach, strict=True)]
+        return reduce(np.multiply.outer, rows)
+
+    total = 0.0
+    for parities in product((0, 1), repeat=axes):
+        x, y, *others = parities
+        bit = 2 * y + x + 4 * sum(parity << place for place, parity in enumerate(reversed(others)))
+        coarse = [both[parity] for both, parity in zip(low, parities, strict=True)]
+        signs = 1 - 2.0 * ((words >> np.uint64(bit)) & np.uint64(1))
+        total += (signs * (together(plain) - together(coarse + plain[axes:]))).sum()
+    size = math.sqrt(math.prod(sum(w * w for w in weights.values()) for weights in plain[axes:]))
+    deviation = math.sqrt(0.55**axes - 0.409307**axes)
+    return float(min(max(total / math.sqrt(2**axes) / size / (4 * deviation), -1.0), 1.0))
+
+
 BASES = {
     "value_noise": value,
     "perlin_noise": perlin,
@@ -180,6 +235,7 @@ BASES = {
     "worley_noise": worley,
     "spot_noise": sparse,
     "gabor_noise": sparse,
+    "wavelet_noise": wavelet,
 }
 
 
