@@ -24,9 +24,8 @@ WAYS = [
 ]
 SHAPES = [
     ("bt2020", "decode", "mirror"), ("bt2020", "encode", "clamp"), ("bt1361", "encode", "mirror"),
-    ("arib_b67", "decode", "mirror"), ("apple_log", "encode", "mirror"), ("apple_log", "decode", "clamp"),
-    ("nikon_nlog", "encode", "mirror"), ("nikon_nlog", "decode", "mirror"), ("dicom_gsdf", "encode", "mirror"),
-    ("dicom_gsdf", "decode", "mirror"), ("filmic_pro6", "decode", "mirror"),
+    ("apple_log", "encode", "mirror"), ("apple_log", "decode", "clamp"), ("nikon_nlog", "encode", "mirror"),
+    ("nikon_nlog", "decode", "mirror"), ("dicom_gsdf", "decode", "mirror"), ("filmic_pro6", "decode", "mirror"),
 ]  # fmt: skip
 """Mirrored about zero and elsewhere or not at all; with lines below, with a curve below, and from zero on; held."""
 
