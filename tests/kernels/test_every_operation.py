@@ -235,11 +235,15 @@ def test_declaration_is_complete(operation: Operation[Any]) -> None:
     assert operation.summary.endswith(".")
     assert operation.description.strip()
     assert len(operation.hard_cases) >= 1
+    ranges: dict[str, tuple[float, float]] = {}
     for method in operation.methods.values():
         assert method.description
         assert set(method.rates) == set(BACKENDS)
         if method.knob:
-            assert all(method.knob.low <= value <= method.knob.high for value in method.knob.values)
+            ends = method.knob.low, method.knob.high
+            assert all(ends[0] <= value <= ends[1] for value in method.knob.values)
+            # A caller names a knob without its method, and is told one range.
+            assert ranges.setdefault(method.knob.name, ends) == ends, f"two ranges of {method.knob.name}"
     for name, field in operation.parameters.model_fields.items():
         assert field.description, f"{name} has no description"
     json.dumps(operation.schema(), allow_nan=False)

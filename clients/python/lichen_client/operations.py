@@ -2336,7 +2336,8 @@ class Operations(Generic[R]):
         """Applies a conversion, look or view of an OpenColorIO configuration.
 
         image: the picture; channels after the third pass unchanged
-        config: a built-in configuration as ocio://name, or the text of one; default "ocio://default"
+        config: a built-in configuration as ocio://name, the text of one, or an archive (.ocioz) in base64; default
+            "ocio://default"
         source: the colour space, or role, of the picture's numbers; default "scene_linear"
         target: the colour space or role to convert to; or give display and view
         looks: looks on the way to target, as OpenColorIO writes them: a, +b, -c

@@ -1,18 +1,22 @@
 """Ocio: a conversion, look or view of an OpenColorIO configuration that the caller brings.
 
 Truth: what OpenColorIO's CPU processor makes of the picture in float32 with lossless optimisation only. `config` is one
-of OpenColorIO's own by name (ocio://default, ocio://cg-config-latest, ocio://studio-config-latest, ...) or the text of
-a configuration. Colour goes from the space or role `source` to `target`, by way of `looks` where they are given; or to
-a `view` of a `display`. `inverse` goes the other way.
+of OpenColorIO's own by name (ocio://default, ocio://cg-config-latest, ocio://studio-config-latest, ...), the text of a
+configuration, or an archive (.ocioz) of one with its files of tables, in base64. Colour goes from the space or role
+`source` to `target`, by way of `looks` where they are given; or to a `view` of a `display`. `inverse` goes the other
+way.
 
-A text is data, never a reason to touch the disk: configurations that name files of tables are refused, since a server
-has none of the caller's (operation table3d takes their text), environment variables keep the values that the text
-itself gives, and anchors of YAML, which can expand without end, are refused.
+A text is data, never a reason to read the disk: configurations that name files of tables are refused, since a server
+has none of the caller's but those in an archive (operation table3d takes their text), environment variables keep the
+values that the text itself gives, and anchors of YAML, which can expand without end, are refused.
 
 OpenColorIO turns NaN into a colour in places; here a pixel with NaN in any colour is NaN. Channels after the third
 pass.
 How far results reach and how errors carry is not known of a configuration, and stated so: any range, any factor.
-OpenColorIO's approximate mathematics, its own default, has no stated error and is left out: there is no trade here.
+There is no trade of accuracy for time here. OpenColorIO's approximate mathematics, its own default, has no stated
+error; nor would a table of three dimensions made of a configuration, whose curves may bend, clip and jump anywhere
+between the table's nodes. Who can judge such a table by its own pictures makes it with OpenColorIO and gives it to
+table3d.
 
 Source: OpenColorIO 2, Academy Software Foundation, opencolorio.readthedocs.io.
 """
@@ -22,6 +26,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +50,7 @@ from lichen.operation import (
     OperationParameters,
     Rate,
 )
+from lichen.operations.colour.archive import SIGNATURE, Archive, unpacked
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -53,6 +59,8 @@ if TYPE_CHECKING:
 
 LONGEST = 1 << 20
 """Characters of a configuration: the largest of the Academy's has 200 thousand."""
+LONGEST_ARCHIVE = 16 << 20
+"""Characters of an archive, in base64."""
 ANCHOR = re.compile(r"(?:^|[\s\[{,])[&*][A-Za-z0-9_]", re.MULTILINE)
 BUILT_IN = "ocio://"
 FLOAT_MAX = float(np.finfo(np.float32).max)
@@ -88,32 +96,77 @@ def _transforms(config: Any) -> Iterator[Any]:
         yield from _inner(named.getTransform(pyocio.TRANSFORM_DIR_INVERSE))
 
 
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A configuration, the context of its variables, and the archive that its files lie in, if it came in one."""
+
+    config: Any
+    context: Any
+    archive: Archive | None = None
+
+
+def _context(config: Any, archive: Archive | None) -> Any:
+    """The text's own variables and none of this process; files are looked for in the archive."""
+    context = pyocio.Context()
+    if archive is not None:
+        context.setWorkingDir(str(archive.path))
+        for path in config.getSearchPaths():
+            context.addSearchPath(path)
+    for name in config.getEnvironmentVarNames():
+        context.setStringVar(name, config.getEnvironmentVarDefault(name))
+    return context
+
+
 @lru_cache(maxsize=8)
-def read(text: str) -> Any:
-    """The configuration. Raises `ValueError` where it is none or would touch the disk."""
+def known(text: str) -> Known:
+    """The configuration. Raises `ValueError` where it is none or would read the disk."""
     if text.startswith(BUILT_IN):
         name = text.removeprefix(BUILT_IN)
-        known = [entry[0] for entry in pyocio.BuiltinConfigRegistry().getBuiltinConfigs()]
-        known += ["default", "cg-config-latest", "studio-config-latest"]
-        if name not in known:
-            raise ValueError(f"there is no built-in configuration {name!r}; {nearest(name, known)}")
-        return pyocio.Config.CreateFromBuiltinConfig(text)
-    if ANCHOR.search(text):
+        offered = [entry[0] for entry in pyocio.BuiltinConfigRegistry().getBuiltinConfigs()]
+        offered += ["default", "cg-config-latest", "studio-config-latest"]
+        if name not in offered:
+            raise ValueError(f"there is no built-in configuration {name!r}; {nearest(name, offered)}")
+        config = pyocio.Config.CreateFromBuiltinConfig(text)
+        return Known(config, _context(config, None))
+    archive = unpacked(text) if text.startswith(SIGNATURE) else None
+    plain = archive.text if archive else text
+    if len(plain) > LONGEST:
+        raise ValueError(f"the configuration has {len(plain)} characters, more than {LONGEST}")
+    if ANCHOR.search(plain):
         raise ValueError("anchors and aliases of YAML are not read")
     try:
-        config = pyocio.Config.CreateFromStream(text)
+        config = pyocio.Config.CreateFromStream(plain)
     except pyocio.Exception as wrong:
         raise ValueError(f"is no configuration: {' '.join(str(wrong).split())[:200]}") from None
+    context = _context(config, archive)
     for transform in _transforms(config):
         if isinstance(transform, pyocio.FileTransform):
-            source = transform.getSrc()[:60]
-            raise ValueError(f"names the file {source!r}; files are not read: give its text to the operation table3d")
-    return config
+            _held(transform.getSrc(), context, archive)
+    return Known(config, context, archive)
+
+
+def _held(source: str, context: Any, archive: Archive | None) -> None:
+    """Raises `ValueError` where a file of tables is none of the archive's."""
+    if archive is None:
+        raise ValueError(
+            f"names the file {source[:60]!r}; files are not read: give an archive, or its text to the operation table3d"
+        )
+    try:
+        found = archive.holds(context.resolveFileLocation(source))
+    except (pyocio.Exception, pyocio.ExceptionMissingFile):
+        found = False
+    if not found:
+        raise ValueError(f"names the file {source[:60]!r}, which the archive does not hold")
+
+
+def read(text: str) -> Any:
+    """The configuration itself."""
+    return known(text).config
 
 
 class Parameters(OperationParameters):
-    config: str = Field("ocio://default", max_length=LONGEST)
-    """a built-in configuration as ocio://name, or the text of one"""
+    config: str = Field("ocio://default", max_length=LONGEST_ARCHIVE)
+    """a built-in configuration as ocio://name, the text of one, or an archive (.ocioz) in base64"""
     source: str = Field("scene_linear", max_length=200)
     """the colour space, or role, of the picture's numbers"""
     target: str | None = Field(None, max_length=200)
@@ -145,12 +198,9 @@ def _transform(p: Parameters) -> Any:
 
 @lru_cache(maxsize=16)
 def _processor(p: Parameters) -> Any:
-    """OpenColorIO's for the parameters; the context holds the text's own variables and none of this process."""
-    config = read(p.config)
-    context = pyocio.Context()
-    for name in config.getEnvironmentVarNames():
-        context.setStringVar(name, config.getEnvironmentVarDefault(name))
-    processor = config.getProcessor(context, _transform(p), pyocio.TRANSFORM_DIR_FORWARD)
+    """OpenColorIO's for the parameters."""
+    it = known(p.config)
+    processor = it.config.getProcessor(it.context, _transform(p), pyocio.TRANSFORM_DIR_FORWARD)
     plain = pyocio.BIT_DEPTH_F32
     return processor.getOptimizedCPUProcessor(plain, plain, pyocio.OPTIMIZATION_LOSSLESS)
 
@@ -195,7 +245,7 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     if not flaws:
         try:
             _processor(p)
-        except pyocio.Exception as wrong:
+        except (pyocio.Exception, pyocio.ExceptionMissingFile) as wrong:
             flaws.append(Flaw("/parameters/config", f"OpenColorIO: {' '.join(str(wrong).split())[:200]}"))
     return flaws
 

@@ -83,7 +83,7 @@ def spread(p: Parameters, facts: InputFacts) -> tuple[float, float]:
 
 def masked_radius(sigma: float) -> int:
     """Where pixels may be left out, the kernel ends here in every method and in truth."""
-    return math.ceil(4 * sigma)
+    return math.floor(4 * sigma)
 
 
 # -------------------------------------------------------------------------------------------------------------- fir

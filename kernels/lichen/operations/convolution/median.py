@@ -27,9 +27,7 @@ from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import (
     EXACT,
-    ROUNDING,
     Border,
-    Error,
     Facts,
     Footprint,
     HardCase,
@@ -53,21 +51,18 @@ class Parameters(OperationParameters):
     border: Border = Field(Border.REFLECT, description="how the image continues beyond its edges")
     value: float = Field(0.0, description="what lies beyond a constant border")
 
+    @property
+    def beyond(self) -> float:
+        """`value` as pixels can hold it, so that what is chosen among them is exact."""
+        return float(np.float32(self.value))
+
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
     image = facts["image"]
     if p.border is not Border.CONSTANT:
         return image
-    extent = Extent(min(image.extent.low, p.value), max(image.extent.high, p.value), image.extent.nonfinite)
+    extent = Extent(min(image.extent.low, p.beyond), max(image.extent.high, p.beyond), image.extent.nonfinite)
     return dataclasses.replace(image, extent=extent)
-
-
-def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    """None, but that a constant border's value is one of float32."""
-    if p.border is not Border.CONSTANT or p.value == float(np.float32(p.value)):
-        return EXACT
-    rounding = ROUNDING * abs(p.value)
-    return Error(rounding, "bound", rounding)
 
 
 def _salt() -> dict[str, Array]:
@@ -122,7 +117,7 @@ median = Operation(
 @median.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
     reach = (p.size // 2, p.size // 2)
-    around = continue_image(inputs["image"].pixels, reach, reach, p.border, p.value)
+    around = continue_image(inputs["image"].pixels, reach, reach, p.border, p.beyond)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.median(_windows(around, p.size), axis=-1))
 
@@ -147,7 +142,7 @@ def _opencl(kernel: str, device: Device, inputs: Inputs, p: Parameters) -> Array
         session.launch(
             "convolution/median.cl", kernel, (-(-floats // TILE), -(-height // band)),
             image.pixels, down, beside, session.write(out), np.int32(height), np.int32(floats), np.int32(channels),
-            np.int32(stride), np.int32(band), np.float32(p.value), *size, local=(1, 1),
+            np.int32(stride), np.int32(band), np.float32(p.beyond), *size, local=(1, 1),
             defines={**defines, "NANS": int(image.extent.nonfinite > 0)},
         )  # fmt: skip
     return out
@@ -156,7 +151,7 @@ def _opencl(kernel: str, device: Device, inputs: Inputs, p: Parameters) -> Array
 def _numpy(inputs: Inputs, p: Parameters) -> Array:
     """The middle of every window by selection, some rows at a time."""
     pixels, reach = inputs["image"].pixels, (p.size // 2, p.size // 2)
-    around = continue_image(pixels, reach, reach, p.border, p.value)
+    around = continue_image(pixels, reach, reach, p.border, p.beyond)
     out = aligned_empty(pixels.shape)
     rows = max(1, (1 << 22) // (pixels[0].size * p.size**2))
     for y in range(0, len(pixels), rows):
@@ -169,7 +164,7 @@ def _numpy(inputs: Inputs, p: Parameters) -> Array:
 
 @median.method(
     "network",
-    error=_error,
+    error=lambda p, knob, facts: EXACT,
     work=lambda p, knob, facts: facts["image"].samples * (16.0 if p.size == 3 else 70.0),
     rates={"opencl": Rate(4e-4, 3.6e-11), "numpy": Rate(2e-4, 1.9e-9)},
     unfit=lambda p, facts: None if p.size in (3, 5) else "networks are laid for windows of 3 and 5",
@@ -188,7 +183,7 @@ class Network:
 
 @median.method(
     "bisect",
-    error=_error,
+    error=lambda p, knob, facts: EXACT,
     work=lambda p, knob, facts: facts["image"].samples * float(p.size**2),
     rates={"opencl": Rate(4e-4, 1.1e-9), "numpy": Rate(2e-4, 5e-9)},
 )

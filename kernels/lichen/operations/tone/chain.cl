@@ -56,6 +56,35 @@ STEP void table1(float16 *v, global const float *k, int size)
     }
 }
 
+#define HALVES 0x7c00
+
+// k: for each channel the entries of the finite halves from 0 on, then of those from -0 on.
+STEP void half_table(float16 *v, global const float *k)
+{
+    for (int c = 0; c < 3; c++) {
+        global const float *own = k + 2 * HALVES * c;
+        float16 a = fabs(v[c]);
+        a = a > 65504.0f ? (float16)(65504.0f) : a;
+        int16 bits = as_int16(a), small = a < 0x1p-14f;
+        int16 whole = convert_int16(small ? a * 0x1p24f : (float16)(0.0f));
+        int16 at = small ? whole : (bits >> 13) - (112 << 10);
+        float16 part = small ? fma(a, (float16)(0x1p24f), -convert_float16(whole))
+                             : convert_float16(bits & 0x1fff) * 0x1p-13f;
+        int16 last = at > HALVES - 2;
+        part = last ? (float16)(1.0f) : part;
+        at = (last ? (int16)(HALVES - 2) : at) + (v[c] < 0.0f ? (int16)(HALVES) : (int16)(0));
+        int index[WIDTH];
+        float first[WIDTH], second[WIDTH];
+        vstore16(at, 0, index);
+        for (int i = 0; i < WIDTH; i++) {
+            first[i] = own[index[i]];
+            second[i] = own[index[i] + 1];
+        }
+        float16 low = vload16(0, first), y = fma(vload16(0, second) - low, part, low);
+        v[c] = v[c] == v[c] ? y : v[c];
+    }
+}
+
 // k: three lows, highs and scales, then size^3 colours, red fastest.
 STEP void table3(float16 *v, global const float *k, int size, int tetrahedral)
 {

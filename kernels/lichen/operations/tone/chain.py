@@ -7,6 +7,7 @@ of each channel, and how far its results are from those of inputs that differ by
 * `Matrix`: y = M x + b. A factor of zero takes no part, so it carries no NaN.
 * `Curves`: one curve of pieces (piecewise.py) for each channel: ranges, exponents, logarithms, slopes and offsets.
 * `Table1`: linear interpolation between equally spaced entries, held to the ends.
+* `HalfTable`: the same between entries that are a half-precision number apart, one for each such number.
 * `Table3`: trilinear or tetrahedral interpolation, held to the domain; NaN in one channel is NaN in all.
 """
 
@@ -158,6 +159,61 @@ class Table1(_Domain):
         return [*self.ends, *self.table.reshape(-1).tolist()], f"table1(v, k + {at}, {self.table.shape[1]});"
 
 
+HALVES = 0x7C00
+"""Finite halves of one sign; as bits they count from 0."""
+LARGEST_HALF = 65504.0
+
+
+@dataclass(frozen=True, eq=False)
+class HalfTable:
+    """`table` of shape (3, 2, HALVES): entries of the halves from 0 and from -0 on, each towards its infinity.
+
+    The place of a number among the halves is exact in float32: it is its leading bits, so nothing but the interpolation
+    rounds. What lies beyond the largest half is held to it.
+    """
+
+    table: Array
+
+    def run(self, planes: Planes) -> Planes:
+        made = []
+        for own, x in zip(self.table, planes, strict=True):
+            a = np.minimum(np.abs(x), x.dtype.type(LARGEST_HALF))
+            binade = np.where(a >= 2.0**-14, np.frexp(np.nan_to_num(a))[1] - 1, -14)
+            place = np.ldexp(a, 10 - binade)
+            cell = np.minimum(np.nan_to_num(place).astype(np.int32) + (binade + 14) * 1024, HALVES - 2)
+            part = place - (cell - (binade + 14) * 1024).astype(x.dtype)
+            entries, below = own.astype(x.dtype), (x < 0).astype(np.int32)
+            low, high = entries[below, cell], entries[below, cell + 1]
+            made.append(low + (high - low) * part)
+        return made
+
+    @cached_property
+    def _walked(self) -> tuple[Array, list[Array]]:
+        """The halves in ascending order, and how much each channel's entries have varied up to them."""
+        halves = np.arange(HALVES, dtype=np.uint16).view(np.float16).astype(np.float64)
+        halves = np.concatenate([-halves[:0:-1], [-1e-30], halves])
+        paths = [np.concatenate([own[1][::-1], own[0]]) for own in self.table]
+        return halves, [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path)))]) for path in paths]
+
+    def _swing(self, channel: int, by: float) -> float:
+        """The most that the entries vary within a distance: the variation's steepest stretch starts or ends at one."""
+        if not by:
+            return 0.0
+        halves, varied = self._walked[0], self._walked[1][channel]
+        starts = [(np.interp(halves + by, halves, varied) - varied).max()]
+        return float(max(*starts, (varied - np.interp(halves - by, halves, varied)).max()))
+
+    def walk(self, given: Sequence[Interval], doubts: Sequence[float]) -> tuple[list[Interval], list[float]]:
+        errors = [
+            self._swing(c, by) + 5 * ROUNDING * float(np.abs(own).max())
+            for c, (own, by) in enumerate(zip(self.table, doubts, strict=True))
+        ]
+        return [(float(own.min()), float(own.max())) for own in self.table], errors
+
+    def written(self, at: int) -> tuple[list[float], str]:
+        return self.table.reshape(-1).tolist(), f"half_table(v, k + {at});"
+
+
 @dataclass(frozen=True, eq=False)
 class Table3(_Domain):
     """`table` of shape (n, n, n, 3), axes blue, green, red."""
@@ -184,7 +240,7 @@ class Table3(_Domain):
         return numbers, f"table3(v, k + {at}, {len(self.table)}, {int(self.tetrahedral)});"
 
 
-Step = Matrix | Curves | Table1 | Table3
+Step = Matrix | Curves | Table1 | HalfTable | Table3
 
 
 @dataclass(frozen=True, eq=False)

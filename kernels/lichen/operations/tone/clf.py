@@ -1,8 +1,11 @@
 """The Academy / ASC Common LUT Format, read safely into a chain of steps.
 
 A document is a ProcessList of nodes that colour passes in order. Read are Matrix, LUT1D, LUT3D, Range, Exponent, Log
-and ASC_CDL, in all their styles, without halfDomain and rawHalfs; descriptions are passed over. Bit depths scale what
-integers mean: everything is brought to 1 at the largest code.
+and ASC_CDL, in all their styles; descriptions are passed over. Bit depths scale what integers mean: everything is
+brought to 1 at the largest code. With halfDomain a LUT1D has an entry for every half-precision number and is linear
+between them; those of infinities and NaN are not used: what is infinite is held to the largest half, and NaN stays.
+With rawHalfs entries are the bits of such numbers. Before version 3 a table may have an IndexMap, which says at which
+numbers its entries lie; version 3 has dropped it.
 
 XML is read by expat with its handlers alone: a document type, and with it every entity, is refused before anything of
 it is expanded, as is text longer than a table could be. What is wrong is named with its node and line.
@@ -12,6 +15,7 @@ Sources: AMPAS S-2014-006 and Common LUT Format Implementation Guide, version 3,
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -21,8 +25,8 @@ from xml.parsers import expat
 import numpy as np
 
 from lichen.memory import Array
-from lichen.operations.tone.chain import Chain, Curves, Matrix, Step, Table1, Table3
-from lichen.operations.tone.clf_styles import PLAIN, asc_cdl, exponent, logarithm, ranged
+from lichen.operations.tone.chain import HALVES, Chain, Curves, HalfTable, Matrix, Step, Table1, Table3
+from lichen.operations.tone.clf_styles import PLAIN, asc_cdl, exponent, indexed, logarithm, ranged
 from lichen.operations.tone.cube import LARGEST, LONGEST
 
 DEPTHS = {"8i": 255.0, "10i": 1023.0, "12i": 4095.0, "16i": 65535.0, "16f": 1.0, "32f": 1.0}
@@ -84,6 +88,8 @@ class Node:
 
     element: Element
     number: int
+    version: float = 3.0
+    """of the format"""
 
     def wrong(self, what: str) -> ValueError:
         return ValueError(f"node {self.number} ({self.element.name}, line {self.element.line}): {what}")
@@ -97,7 +103,7 @@ class Node:
             raise self.wrong(f"{which} is {depth!r}; it must be one of {', '.join(DEPTHS)}")
         return DEPTHS[depth]
 
-    def numbers(self, text: str, count: int, what: str) -> list[float]:
+    def numbers(self, text: str, count: int, what: str, *, finite: bool = True) -> list[float]:
         words = text.split()
         try:
             made = [float(word) for word in words]
@@ -105,7 +111,7 @@ class Node:
             raise self.wrong(f"{what} holds what is no number") from None
         if len(made) != count:
             raise self.wrong(f"{what} holds {len(made)} numbers and must hold {count}")
-        if not all(math.isfinite(each) and abs(each) <= NUMBER for each in made):
+        if finite and not all(math.isfinite(each) and abs(each) <= NUMBER for each in made):
             raise self.wrong(f"{what} holds a number that is not finite or beyond {NUMBER:g}")
         return made
 
@@ -120,7 +126,7 @@ class Node:
         child = self.element.child(name)
         return "".join(child.text) if child else None
 
-    def array(self, sizes: Callable[[list[int]], int]) -> tuple[list[int], Array]:
+    def array(self, sizes: Callable[[list[int]], int], *, finite: bool = True) -> tuple[list[int], Array]:
         """The Array's dimensions and numbers; `sizes` checks the former and returns how many numbers there are."""
         child = self.element.child("Array")
         if child is None:
@@ -129,7 +135,7 @@ class Node:
         count = sizes(dimensions)
         if not count:
             raise self.wrong(f"Array has dim {child.attributes.get('dim', '')!r}, which does not fit")
-        return dimensions, np.array(self.numbers("".join(child.text), count, "Array"))
+        return dimensions, np.array(self.numbers("".join(child.text), count, "Array", finite=finite))
 
 
 def _matrix(node: Node) -> list[Step]:
@@ -144,31 +150,64 @@ def _matrix(node: Node) -> list[Step]:
     return [Matrix(factors, tuple(map(float, added)))]
 
 
-def _plain(node: Node) -> None:
-    for name in ("halfDomain", "rawHalfs"):
-        if node.attribute(name, "false") == "true":
-            raise node.wrong(f"{name} is not read")
-    if node.element.child("IndexMap") is not None:
-        raise node.wrong("IndexMap is not read; the format has dropped it")
+def _placed(node: Node, size: int) -> list[Step]:
+    """What IndexMaps do, one for all channels or one for each: from a number to its place, 1 at the last entry."""
+    maps = [each for each in node.element.children if each.name == "IndexMap"]
+    if not maps:
+        return []
+    if node.version >= 3:
+        raise node.wrong("version 3 of the format has no IndexMap")
+    curves = []
+    for each in maps:
+        pairs = [pair.split("@") for pair in "".join(each.text).split()]
+        if len(pairs) < 2 or any(len(pair) != 2 for pair in pairs):
+            raise node.wrong("IndexMap must hold two pairs or more, as 64@0 940@1023")
+        flat = node.numbers(" ".join(itertools.chain.from_iterable(pairs)), 2 * len(pairs), "IndexMap")
+        places = [
+            (x / node.scale("inBitDepth"), place / (size - 1)) for x, place in zip(flat[::2], flat[1::2], strict=True)
+        ]
+        if not all(0 <= place <= 1 for _, place in places):
+            raise node.wrong(f"IndexMap names a place outside of 0 to {size - 1}")
+        try:
+            curves.append(indexed(places))
+        except ValueError as wrong:
+            raise node.wrong(str(wrong)) from None
+    if len(curves) not in (1, 3):
+        raise node.wrong("has 1 IndexMap for all channels or 3")
+    first, second, third = curves * 3 if len(curves) == 1 else curves
+    return [Curves((first, second, third))]
 
 
 def _lut1d(node: Node) -> list[Step]:
-    _plain(node)
     if node.attribute("interpolation", "linear") not in ("linear", "default"):
         raise node.wrong("interpolation must be linear")
+    half = node.attribute("halfDomain", "false") == "true"
 
     def sizes(dim: list[int]) -> int:
         fits = len(dim) == 2 and 2 <= dim[0] <= LONGEST_TABLE and dim[1] in (1, 3)
-        return dim[0] * dim[1] if fits else 0
+        return dim[0] * dim[1] if fits and (dim[0] == LONGEST_TABLE or not half) else 0
 
-    dimensions, numbers = node.array(sizes)
-    table = np.broadcast_to(numbers.reshape(dimensions) / node.scale("outBitDepth"), (dimensions[0], 3))
+    raw = node.attribute("rawHalfs", "false") == "true"
+    dimensions, numbers = node.array(sizes, finite=not half)
+    if raw:
+        if not ((numbers >= 0) & (numbers < LONGEST_TABLE) & (numbers == np.floor(numbers))).all():
+            raise node.wrong("rawHalfs are whole numbers from 0 to 65535")
+        numbers = numbers.astype(np.uint16).view(np.float16).astype(np.float64)
+    table = np.broadcast_to(numbers.reshape(dimensions) / node.scale("outBitDepth"), (dimensions[0], 3)).T
     node.scale("inBitDepth")
-    return [Table1(np.ascontiguousarray(table.T))]
+    used = table.reshape(3, 2, -1)[..., :HALVES] if half else table
+    if not np.isfinite(used).all():
+        raise node.wrong("Array holds a number that is not finite")
+    if not half:
+        return [*_placed(node, dimensions[0]), Table1(np.ascontiguousarray(used))]
+    if node.element.child("IndexMap") is not None:
+        raise node.wrong("halfDomain says where entries lie: it has no IndexMap")
+    return [HalfTable(np.ascontiguousarray(used))]
 
 
 def _lut3d(node: Node) -> list[Step]:
-    _plain(node)
+    if node.attribute("rawHalfs", "false") == "true" or node.attribute("halfDomain", "false") == "true":
+        raise node.wrong("halfDomain and rawHalfs belong to a LUT1D")
     interpolation = node.attribute("interpolation", "trilinear")
     if interpolation not in ("trilinear", "linear", "default", "tetrahedral"):
         raise node.wrong(f"interpolation is {interpolation!r}; it must be trilinear or tetrahedral")
@@ -180,7 +219,8 @@ def _lut3d(node: Node) -> list[Step]:
     dimensions, numbers = node.array(sizes)
     node.scale("inBitDepth")
     by_red = numbers.reshape(dimensions) / node.scale("outBitDepth")  # blue is fastest in a CLF
-    return [Table3(np.ascontiguousarray(by_red.transpose(2, 1, 0, 3)), tetrahedral=interpolation == "tetrahedral")]
+    table = Table3(np.ascontiguousarray(by_red.transpose(2, 1, 0, 3)), tetrahedral=interpolation == "tetrahedral")
+    return [*_placed(node, dimensions[0]), table]
 
 
 def _range(node: Node) -> list[Step]:
@@ -264,6 +304,16 @@ READERS: Mapping[str, Callable[[Node], list[Step]]] = {
 }  # fmt: skip
 
 
+def _version(root: Element) -> float:
+    """The number that a document's version begins with."""
+    text = root.attributes.get("compCLFversion", "3")
+    digits = ".".join(text.split(".")[:2])
+    try:
+        return float(digits)
+    except ValueError:
+        raise ValueError(f"line {root.line}: compCLFversion is {text[:20]!r}") from None
+
+
 @lru_cache(maxsize=8)
 def parse(text: str) -> Chain:
     """The chain in a CLF document. Raises `ValueError` with the node and line that are wrong."""
@@ -274,8 +324,9 @@ def parse(text: str) -> Chain:
     if not nodes or len(nodes) > MOST_NODES:
         raise ValueError(f"holds {len(nodes)} nodes; it must hold 1 to {MOST_NODES}")
     steps: list[Step] = []
+    version = _version(root)
     for number, element in enumerate(nodes, 1):
-        node = Node(element, number)
+        node = Node(element, number, version)
         if element.name not in READERS:
             raise node.wrong(f"is not read; nodes that are: {', '.join(READERS)}")
         steps += [] if node.attribute("bypass", "false") == "true" else READERS[element.name](node)

@@ -5,6 +5,7 @@ Source: Common LUT Format Implementation Guide, version 3, 2021; ASC CDL 1.2, 20
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -44,6 +45,17 @@ def ranged(
     if clamp and high is not None and to_high is not None:
         pieces.append(Piece("constant", drop=to_high, start=high))
     return Piecewise(tuple(pieces))
+
+
+def indexed(pairs: Sequence[tuple[float, float]]) -> Piecewise:
+    """A polygon through the pairs, held to its ends: from a number to its place in a table."""
+    if any(right[0] <= left[0] or right[1] < left[1] for left, right in itertools.pairwise(pairs)):
+        raise ValueError("the IndexMap must ascend")
+    pieces = [Piece("constant", drop=pairs[0][1])]
+    for (x0, y0), (x1, y1) in itertools.pairwise(pairs):
+        slope = (y1 - y0) / (x1 - x0)
+        pieces.append(_line(slope, y0 - slope * x0, x0))
+    return Piecewise((*pieces, Piece("constant", drop=pairs[-1][1], start=pairs[-1][0])))
 
 
 def exponent(style: str, power: float, offset: float) -> Piecewise:

@@ -210,12 +210,8 @@ class Pieced:
     def opencl(self, device: Device, image: Image) -> Array:
         curve = self.curve
         numbers, calls = written(curve, 0)
-        defines: dict[str, int | float | str] = {
-            "PIECES": calls, "MIRRORED": int(curve.centre is not None),
-            "HELD": {"": 0, "input": 1, "result": 2}[curve.held],
-        }  # fmt: skip
         constants = aligned(np.array(numbers, F))
-        return launch_flat(device, "tone/piecewise.cl", "curve", image, constants, defines=defines)
+        return launch_flat(device, "tone/piecewise.cl", "curve", image, constants, defines=definitions(curve, calls))
 
     def numpy(self, image: Image) -> Array:
         return blockwise(image, self._block)
@@ -239,15 +235,36 @@ def written(curve: Piecewise, at: int) -> tuple[list[float], str]:
     return numbers, " ".join(calls)
 
 
+def definitions(curve: Piecewise, calls: str) -> dict[str, int | float | str]:
+    """What piecewise.cl is built with for a curve whose pieces are `calls`."""
+    held = {"": 0, "input": 1, "result": 2}[curve.held]
+    return {"PIECES": calls, "MIRRORED": int(curve.centre is not None), "HELD": held}
+
+
 def computed(curve: Piecewise, x: Array) -> Array:
     """The curve in float32 NumPy."""
+    away, a = distance(curve, x)
+    return finished(curve, away, pieces32(curve.pieces, a))
+
+
+def distance(curve: Piecewise, x: Array) -> tuple[Array, Array]:
+    """From the centre, with its sign and without; of a curve without a centre x itself, twice."""
     given = np.where(x < 0, F(0), x) if curve.held == "input" else x
     high, low = _split(-curve.centre[0]) if curve.centre else (0.0, 0.0)
     away: Array = (given + F(high)) + F(low) if high else given
-    a = np.abs(away) if curve.centre else away
-    y = _piece32(curve.pieces[0], a)
-    for piece in curve.pieces[1:]:
+    return away, np.abs(away) if curve.centre else away
+
+
+def pieces32(pieces: Sequence[Piece], a: Array) -> Array:
+    """What the pieces make of `a`."""
+    y = _piece32(pieces[0], a)
+    for piece in pieces[1:]:
         np.copyto(y, _piece32(piece, a), where=a >= ceiling32(piece.start))
+    return y
+
+
+def finished(curve: Piecewise, away: Array, y: Array) -> Array:
+    """Mirrored about the centre, and held."""
     if curve.centre:
         y = np.where(np.signbit(away), -y, y) + F(curve.centre[1])
     return np.where(y < 0, F(0), y) if curve.held == "result" else y

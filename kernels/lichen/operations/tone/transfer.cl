@@ -12,6 +12,7 @@
 //
 // The numbers of a form arrive in `k`, in the order of transfer.clh.
 
+#include "lookup.clh"
 #include "transfer.clh"
 
 #define OWN(name) name
@@ -19,25 +20,11 @@
 
 // ---------------------------------------------------------------------------------------------- the whole
 
-// Interpolates between 2^(23 - shift) nodes per binade of `a`: the index is the leading bits of the number itself. Below
-// the first node the line goes to the curve's value at zero; above the last one, and for NaN, the curve is computed.
+// From the table; above its last node, and for NaN, computed.
 inline float16 looked_up(float16 a, global const float *k, global const float2 *table, int first, int last, int shift)
 {
-    int16 bits = as_int16(a);
-    int16 at = max((bits - first) >> shift, 0);
-    at = min(at, (last - first) >> shift);
-    int16 cell = (at << shift) + first;
-    float16 part = convert_float16(bits - cell) * as_float((127 - shift) << 23);
-    float value[WIDTH], rise[WIDTH];
-    int index[WIDTH];
-    vstore16(at, 0, index);
-    for (int i = 0; i < WIDTH; i++) {
-        value[i] = table[index[i] + 1].x;
-        rise[i] = table[index[i] + 1].y;
-    }
-    float16 y = fma(part, vload16(0, rise), vload16(0, value));
-    y = select(y, fma(a, (float16)(table[0].y), (float16)(table[0].x)), bits < first);
-    int16 outside = bits > last;
+    float16 y = lookup(a, table, first, last, shift);
+    int16 outside = as_int16(a) > last;
     return any(outside) ? select(y, BODY(a, k), outside) : y;
 }
 

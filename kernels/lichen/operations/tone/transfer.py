@@ -24,8 +24,8 @@ a line in most logarithms of cameras. Where it says nothing, values are mirrored
 zero, which lies below signal 0 where black is not 0). Or `negative` makes it no light. NaN stays; infinity stays where
 a curve has no limit; light beyond float32's range becomes infinite.
 
-Methods: `exact` evaluates the curve; `table` interpolates the first six linearly in 256 to 65536 cells and evaluates
-what lies above the table's top.
+Methods: `exact` evaluates the curve; `table` interpolates linearly in 256 to 65536 cells and evaluates what lies above
+the table's top. Curves of logarithms and exponentials alone have no table, which would save nothing (tabled.py).
 """
 
 from __future__ import annotations
@@ -60,6 +60,9 @@ from lichen.operations.tone.definitions import LOGC3, Definition, definition
 from lichen.operations.tone.evaluate import evaluate
 from lichen.operations.tone.piecewise import held
 from lichen.operations.tone.shapes import Pieced, Powers, Shape, Whole
+from lichen.operations.tone.tabled import Tabled, pays, tabled
+from lichen.operations.tone.tabled import numpy as by_pieces_numpy
+from lichen.operations.tone.tabled import opencl as by_pieces_opencl
 from lichen.operations.tone.tables import tabulate
 from lichen.operations.tone.transfer_cases import CASES
 from lichen.operations.tone.transfer_launch import constants, definitions, launch
@@ -71,6 +74,8 @@ if TYPE_CHECKING:
 Luminance = Annotated[float, Field(json_schema_extra={"unit": "cd/m2"})]
 Exponent = Annotated[float, Field(ge=0.1, le=10)]
 
+HALF_MAX = 65504.0
+"""Light up to which tables reach at most."""
 KNOWN = 1024
 """Answers that predictions keep: a planner asks for the same many times over."""
 WHITE = {Curve.PQ: 203.0, Curve.BT1886: 100.0, Curve.ST428: 48.0, Curve.DICOM_GSDF: 100.0}
@@ -325,25 +330,40 @@ class Exact:
         return shape(parameters).numpy(inputs["image"])
 
 
+@lru_cache(maxsize=KNOWN)
+def _tabled(p: Parameters, size: int) -> Tabled:
+    """The table of a curve of pieces, up to signal 1."""
+    curve = shape(p)
+    assert isinstance(curve, Pieced)
+    reach = 1.0 if p.direction is Direction.DECODE else min(_definition(p).curve(encode=False).at(1.0), HALF_MAX)
+    return tabled(curve.curve, reach, size)
+
+
 def _table_unfit(p: Parameters, facts: InputFacts) -> str | None:
-    if p.curve not in WHOLE:
-        return "a curve of several pieces is computed: a table of it would cost more than it saves"
-    return "each channel has its own exponent" if isinstance(p.gamma, tuple) else None
+    curve = shape(p)
+    if isinstance(curve, Pieced) and not pays(curve.curve):
+        return "a logarithm or an exponential is computed as fast as it is looked up"
+    return "each channel has its own exponent" if isinstance(curve, Powers) else None
 
 
 def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     """The table's proved bound, unless the picture reaches beyond the table."""
+    extent, curve, beyond = facts["image"].extent, shape(p), _exact_error(p, facts["image"])
     if _table_unfit(p, facts):
-        return _exact_error(p, facts["image"])
-    whole, extent = Whole(form(p), p.clamped), facts["image"].extent
-    table = tabulate(whole.form, round(knob))
-    rounding = table.rounding + 2 * ROUNDING * abs(whole.form.offset)
-    bound = table.bound + rounding
-    far = max(abs(x + whole.form.shift) for x in whole.seen(extent.low, extent.high))
-    if far <= whole.form.top and not extent.nonfinite:
-        return Error(bound, "bound", rounding)
-    beyond = _exact_error(p, facts["image"])
-    return Error(max(bound, beyond.value), beyond.kind, max(rounding, beyond.rounding))
+        return beyond
+    if isinstance(curve, Pieced):
+        value, rounding, proved = _tabled(p, round(knob)).error(extent.low, extent.high)
+        proved = proved and not extent.nonfinite
+    else:
+        whole = Whole(form(p), p.clamped)
+        table = tabulate(whole.form, round(knob))
+        rounding = table.rounding + 2 * ROUNDING * abs(whole.form.offset)
+        value = table.bound + rounding
+        far = max(abs(x + whole.form.shift) for x in whole.seen(extent.low, extent.high))
+        proved = far <= whole.form.top and not extent.nonfinite
+    if proved:
+        return Error(value, "bound", rounding)
+    return Error(max(value, beyond.value), "estimate", max(rounding, beyond.rounding))
 
 
 @transfer.method(
@@ -360,13 +380,18 @@ class Interpolated:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        if parameters.curve not in WHOLE:
+            return by_pieces_opencl(device, inputs["image"], _tabled(parameters, round(knob)))
         table = tabulate(form(parameters), round(knob))
         bits = (np.int32(table.first), np.int32(table.last), np.int32(table.shift))
         return launch(device, inputs["image"], form(parameters), parameters.clamped, "table", table.nodes, *bits)
 
     @staticmethod
     def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        image, table = inputs["image"], tabulate(form(parameters), round(knob))
+        image = inputs["image"]
+        if parameters.curve not in WHOLE:
+            return by_pieces_numpy(image, _tabled(parameters, round(knob)))
+        table = tabulate(form(parameters), round(knob))
         out = evaluate(image.pixels, form(parameters), clamped=parameters.clamped, table=table)
         if image.alpha is not Alpha.NONE:
             out[..., -1] = image.pixels[..., -1]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import io
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +96,51 @@ def test_what_is_no_configuration_is_refused() -> None:
     assert "no configuration" in refused(config="hello", target="out")["/parameters/config"]
     assert "anchors" in refused(config="a: &a [1]\nb: [*a, *a]\n", target="out")["/parameters/config"]
     assert "no built-in" in refused(config="ocio://defualt", target="out")["/parameters/config"]
+
+
+ARCHIVED = CONFIG.replace("environment: {LICHEN_SECRET: plain}", "environment: {SHOT: one}\nsearch_path: luts").replace(
+    "!<CDLTransform> {slope: [1.2, 1, 0.8]}", "!<FileTransform> {src: $SHOT.cube}"
+)
+
+
+def archive(config: str | None = ARCHIVED, **files: str) -> str:
+    """The base64 of a zip; a file's name may say folders by two underscores."""
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as made:
+        for name, text in {"config.ocio": config, **files}.items():
+            if text is not None:
+                made.writestr(name.replace("__", "/"), text)
+    return base64.b64encode(held.getvalue()).decode()
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.25])
+def test_an_archive_brings_its_tables(factor: float) -> None:
+    """Two archives name a file alike and mean each its own."""
+    table = f"LUT_1D_SIZE 2\nDOMAIN_MAX 2 2 2\n0 0 0\n{2 * factor} {2 * factor} {2 * factor}\n"
+    text = archive(**{"luts__one.cube": table})
+    warm = np.sqrt(0.5 * PIXELS * factor)
+    np.testing.assert_allclose(run(config=text, target="out", looks="warm"), warm, rtol=3e-6)
+    np.testing.assert_allclose(run(config=text, display="screen", view="film"), warm, rtol=3e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (archive(**{"luts__two.cube": ""}), "which the archive does not hold"),
+        (archive(ARCHIVED.replace("$SHOT.cube", "/etc/passwd")), "which the archive does not hold"),
+        (archive(ARCHIVED.replace("search_path: luts", "search_path: /etc").replace("$SHOT.cube", "passwd")),
+         "which the archive does not hold"),
+        (archive(ARCHIVED.replace("$SHOT.cube", "../../etc/passwd")), "which the archive does not hold"),
+        (archive(**{"..__one.cube": ""}), "outside of it"),
+        (archive(**{"one.clf": "<ProcessList><Reference path='/etc/passwd'/></ProcessList>"}), "further file"),
+        (archive(None, **{"luts__one.cube": ""}), "no config.ocio"),
+        (archive()[:-20], "no archive"),
+        (archive("a: &a [1]\nb: [*a, *a]\n"), "anchors"),
+        (archive(zeros="0" * (65 << 20)), "more than 64 MiB"),
+    ],
+)  # fmt: skip
+def test_an_archive_is_read_safely(text: str, says: str) -> None:
+    assert says in refused(config=text, target="out")["/parameters/config"]
 
 
 def test_names_and_combinations_are_checked_all_at_once() -> None:

@@ -74,3 +74,14 @@ def test_infinities_are_values_like_others() -> None:
     for size in (3, 5, 9):
         made = lichen.run("median", pixels, size=size).image.pixels[..., 0]
         assert np.array_equal(made, ndimage.median_filter(pixels, size))
+
+
+@pytest.mark.parametrize("backend", ["opencl", "numpy"])
+def test_what_lies_beyond_is_a_number_that_pixels_can_hold(backend: str) -> None:
+    """Else choosing among pixels would round, and coverage of that size make much of it."""
+    pixels = np.random.default_rng(3).random((13, 29, 2), dtype=np.float32)
+    values = {"size": 15, "border": "constant", "value": 315.00914332331695, "alpha": "straight", "device": backend}
+    result = lichen.run("median", pixels, **values)
+    truth = lichen.evaluate_truth("median", pixels, **values)
+    assert np.array_equal(result.image.pixels, truth)
+    assert result.error.value == 0

@@ -123,3 +123,12 @@ def test_definition_is_the_ratio() -> None:
         inputs = {"image": as_image(PIXELS.astype(np.float64)), "mask": as_image(MASK.astype(np.float64))}
         truth = operation.evaluate_truth(inputs, p)
         np.testing.assert_allclose(truth, expected(name, PIXELS, MASK.astype(np.float64), "mirror"), rtol=1e-9)
+
+
+@backends
+def test_a_narrow_gaussian_does_not_reach_its_neighbours(backend: str) -> None:
+    """Their weights, 1e-235 here, are numbers in float64 and none in float32: undefined must mean the same in both."""
+    values = {"sigma": 0.03, "mask": as_image(MASK)}
+    made = lichen.run("gaussian", PIXELS, device=backend, **values).image.pixels
+    np.testing.assert_array_equal(np.isnan(made[..., :1]), MASK == 0)
+    np.testing.assert_array_equal(np.isnan(lichen.evaluate_truth("gaussian", PIXELS, **values)), np.isnan(made))

@@ -20,12 +20,13 @@ PIXELS = np.concatenate([RNG.uniform(-0.4, 1.6, (40, 53, 3)), RNG.uniform(0, 1, 
 FLOATS = 'inBitDepth="32f" outBitDepth="32f"'
 
 
-def document(*nodes: str) -> str:
-    return '<?xml version="1.0"?>\n<ProcessList id="t" compCLFversion="3">\n' + "\n".join(nodes) + "\n</ProcessList>"
+def document(*nodes: str, version: str = "3") -> str:
+    head = f'<?xml version="1.0"?>\n<ProcessList id="t" compCLFversion="{version}">\n'
+    return head + "\n".join(nodes) + "\n</ProcessList>"
 
 
 def array(numbers: np.ndarray, dim: str) -> str:
-    return f'<Array dim="{dim}">' + " ".join(f"{x:.9g}" for x in numbers.reshape(-1)) + "</Array>"
+    return f'<Array dim="{dim}">\n' + "\n".join(f"{x:.9g}" for x in numbers.reshape(-1)) + "</Array>"
 
 
 CUBE = RNG.random((5, 5, 5, 3))
@@ -121,6 +122,78 @@ def test_a_shaper_comes_before_the_table(backend: str) -> None:
     np.testing.assert_allclose(made[0, 0], [0.25, 0.5, 0.75], atol=1e-6)
 
 
+HALVES = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float64)
+INDEXED = (
+    '<LUT1D inBitDepth="10i" outBitDepth="32f"><IndexMap dim="2">64@0 940@2</IndexMap>'
+    '<Array dim="3 1">0 0.25 1.5</Array></LUT1D>'
+)
+
+
+def by_halves() -> np.ndarray:
+    """Three curves over all halves, bent at 0; NaN and infinities have entries of their own, which nothing reads."""
+    with np.errstate(all="ignore"):
+        return np.stack([np.cbrt(HALVES), np.tanh(3 * HALVES) + 0.1, 1e-3 * HALVES - 0.3 * (HALVES < 0)], axis=-1)
+
+
+def test_a_table_of_halves_is_opencolorios(tmp_path: Path) -> None:
+    """Between halves, among those below 2^-14, at both ends and beyond them; and the signs that meet at 0."""
+    ours = document(f'<LUT1D {FLOATS} halfDomain="true">{array(by_halves(), "65536 3")}</LUT1D>')
+    theirs = document(f'<LUT1D {FLOATS} halfDomain="true">{array(np.nan_to_num(by_halves()), "65536 3")}</LUT1D>')
+    sizes = 10 ** RNG.uniform(-8, 4.8, (60, 41, 3)) * RNG.choice([-1, 1], (60, 41, 3))
+    sizes[0, :9] = np.float32([0, 5e-8, 6.1e-5, 6.10352e-5, 65504, 65519, 7e4, 1e30, 1]).reshape(-1, 1)
+    pixels = sizes.astype(np.float32)
+    truth = lichen.evaluate_truth("table3d", pixels, clf=ours)
+    np.testing.assert_allclose(by_ocio(theirs, pixels, tmp_path), truth, rtol=2e-6, atol=2e-6)
+    for backend in BACKENDS:
+        result = lichen.run("table3d", pixels, clf=ours, device=backend)
+        assert np.abs(result.image.pixels - truth).max() <= result.error.value < 1e-4
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_table_of_halves_keeps_nan_and_holds_infinity(backend: str) -> None:
+    text = document(f'<LUT1D {FLOATS} halfDomain="true">{array(by_halves(), "65536 3")}</LUT1D>')
+    pixels = np.array([np.nan, np.inf, -np.inf, 0, -0.0, -1e-9], np.float32).reshape(-1, 1, 1).repeat(3, 2)
+    made = lichen.run("table3d", pixels, clf=text, device=backend).image.pixels[:, 0, 0]
+    expected = [np.nan, np.cbrt(65504), -np.cbrt(65504), 0, 0, -np.cbrt(2.0**-24) * 1e-9 * 2**24]
+    np.testing.assert_allclose(made, expected, rtol=1e-6)
+
+
+def test_halves_after_a_matrix_keep_the_error_they_state() -> None:
+    """What the table is asked for is off by roundings there, and next to 0 the cube root makes much of them."""
+    table = f'<LUT1D {FLOATS} halfDomain="true">{array(by_halves(), "65536 3")}</LUT1D>'
+    text = document(NODES["matrix"], table)
+    truth = lichen.evaluate_truth("table3d", PIXELS, clf=text)
+    for backend in BACKENDS:
+        result = lichen.run("table3d", PIXELS, clf=text, device=backend)
+        assert np.abs(result.image.pixels - truth).max() <= result.error.value < 0.4
+
+
+def test_entries_written_as_halves_are_opencolorios(tmp_path: Path) -> None:
+    values = np.sort(RNG.uniform(-2, 2, (9, 1)).astype(np.float16), axis=0)
+    coded = array(values.view(np.uint16).astype(np.float64), "9 1")
+    text = document(f'<LUT1D inBitDepth="32f" outBitDepth="16f" rawHalfs="true">{coded}</LUT1D>')
+    truth = lichen.evaluate_truth("table3d", PIXELS, clf=text)
+    np.testing.assert_allclose(by_ocio(text, PIXELS, tmp_path), truth, atol=2e-6)
+    np.testing.assert_allclose(truth[..., 0], np.interp(PIXELS[..., 0], np.linspace(0, 1, 9), values[:, 0]), atol=1e-6)
+
+
+def test_an_index_map_says_where_entries_lie(tmp_path: Path) -> None:
+    """Of two pairs as OpenColorIO reads it; of more as the format's second version says, a polygon."""
+    text = document(INDEXED, version="2.0")
+    truth = lichen.evaluate_truth("table3d", PIXELS, clf=text)
+    np.testing.assert_allclose(by_ocio(text, PIXELS, tmp_path), truth, atol=2e-6)
+    bent = INDEXED.replace("64@0 940@2", "64@0 200@1 940@2").replace('dim="2"', 'dim="3"')
+    cube = f"<LUT3D {FLOATS}>{'<IndexMap>0@0 0.2@3 2@4</IndexMap>'}{array(CUBE, '5 5 5 3')}</LUT3D>"
+    plain = f"<LUT3D {FLOATS}>{array(CUBE, '5 5 5 3')}</LUT3D>"
+    for backend in BACKENDS:
+        made = lichen.run("table3d", PIXELS, clf=document(bent, version="2"), device=backend).image.pixels
+        place = np.interp(PIXELS * 1023, [64, 200, 940], [0, 1, 2])
+        np.testing.assert_allclose(made, np.interp(place, [0, 1, 2], [0, 0.25, 1.5]), atol=3e-6)
+        made = lichen.run("table3d", PIXELS, clf=document(cube, version="1.2.3"), device=backend).image.pixels
+        moved = np.interp(PIXELS, [0, 0.2, 2], [0, 0.75, 1]).astype(np.float32)
+        np.testing.assert_allclose(made, lichen.evaluate_truth("table3d", moved, clf=document(plain)), atol=1e-5)
+
+
 BOMB = '<!DOCTYPE a [<!ENTITY b "bbbbbbbbbb"><!ENTITY c "&b;&b;&b;">]><ProcessList>&c;</ProcessList>'
 
 
@@ -135,7 +208,15 @@ BOMB = '<!DOCTYPE a [<!ENTITY b "bbbbbbbbbb"><!ENTITY c "&b;&b;&b;">]><ProcessLi
         ("<Look/>", "must be a ProcessList"),
         ("<a><a><a><a><a><a><a><a/></a></a></a></a></a></a></a>", "nested"),
         (document("<Gain/>"), "node 1 (Gain, line 3)"),
-        (document(NODES["matrix"], f"<LUT1D {FLOATS} halfDomain='true'/>"), "node 2 (LUT1D, line 4): halfDomain"),
+        (document(NODES["matrix"], f"<LUT1D {FLOATS} halfDomain='true'/>"), "node 2 (LUT1D, line 13): has no Array"),
+        (document(f"<LUT1D {FLOATS} halfDomain='true'><Array dim='2 1'>0 1</Array></LUT1D>"), "does not fit"),
+        (document(f"<LUT1D {FLOATS} rawHalfs='true'><Array dim='2 1'>0 0.5</Array></LUT1D>"), "whole numbers"),
+        (document(f"<LUT1D {FLOATS} rawHalfs='true'><Array dim='2 1'>0 31744</Array></LUT1D>"), "not finite"),
+        (document(INDEXED.replace("@", " ", 1), version="2.0"), "two pairs or more"),
+        (document(INDEXED.replace("@2", "@3"), version="2.0"), "outside of 0 to 2"),
+        (document(INDEXED.replace("940", "9"), version="2.0"), "must ascend"),
+        (document(INDEXED), "version 3 of the format has no IndexMap"),
+        (document(INDEXED, version="new"), "compCLFversion is 'new'"),
         (document(f"<Matrix {FLOATS}><Array dim='3 3'>1 2 3</Array></Matrix>"), "holds 3 numbers and must hold 9"),
         (document(f"<Matrix {FLOATS}><Array dim='3 3'>1 2 3 4 5 6 7 8 nan</Array></Matrix>"), "not finite"),
         (document("<Matrix inBitDepth='9i'><Array dim='3 3'>1 0 0 0 1 0 0 0 1</Array></Matrix>"), "inBitDepth is '9i'"),

@@ -333,7 +333,8 @@ def test_coverage_passes_bit_for_bit(backend: str, channels: int) -> None:
     pixels[4, 5, -1] = np.nan
     image = Image(pixels, Space.SRGB, Alpha.STRAIGHT)
     plain = Image(np.ascontiguousarray(pixels[..., :-1]), Space.SRGB)
-    for method, p in itertools.product(("exact", "table"), (Parameters(), Parameters(negative="clamp"))):
+    held = [Parameters(negative="clamp")] if channels == 3 else []  # once is enough, since each is a program of its own
+    for method, p in itertools.product(("exact", "table"), [Parameters(), *held]):
         result = body(image, p, backend, method, 512)
         assert result[..., -1].tobytes() == pixels[..., -1].tobytes()
         np.testing.assert_array_equal(result[..., :-1], body(plain, p, backend, method, 512))
