@@ -24,7 +24,7 @@ from lichen.memory import Array
 from lichen.operation import HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
 from lichen.operations.warp.lenses import Lens, Model
-from lichen.operations.warp.maps import Doubles, Map
+from lichen.operations.warp.maps import Doubles, Map, Recipe
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 
 
@@ -61,6 +61,14 @@ class Bent(Map):
     def __init__(self, p: Parameters, source: tuple[int, int], target: tuple[int, int]) -> None:
         self.p, self.source, self.target = p, source, target
         self.focal = p.focal or math.hypot(*source) / 2
+
+    def recipe(self) -> Recipe:
+        p, radial = self.p, self.p.lens.radial
+        (cx, cy), (width, height), (wide, tall) = p.centre, self.target, self.source
+        farthest = math.hypot(max(cx, 1 - cx) * width + 1, max(cy, 1 - cy) * height + 1) / self.focal
+        distorts = p.direction is Direction.UNDISTORT
+        start = (list(Model).index(p.model), distorts, self.focal, cx * width, cy * height, cx * wide, cy * tall)
+        return Recipe("warp/lens_distort.cl", [*start, *p.lens.p, *radial.numbers(p.k, farthest)])
 
     def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
         p, lens = self.p, self.p.lens

@@ -21,7 +21,7 @@ from lichen.image import Image
 from lichen.memory import Array
 from lichen.operation import HardCase, Input, InputFacts, Inputs
 from lichen.operations.warp import cases
-from lichen.operations.warp.grids import Sampled
+from lichen.operations.warp.grids import Coordinate, Sampled
 from lichen.operations.warp.prediction import Size
 from lichen.operations.warp.resampling import Resampled, Warp, declare
 
@@ -47,11 +47,10 @@ class Parameters(Resampled):
 
 
 def _map(p: Parameters, inputs: Inputs) -> Sampled:
-    image, given = inputs["image"], inputs["map"].pixels
-    x, y = given[..., 0].astype(np.float64), given[..., 1].astype(np.float64)
-    if p.units is Units.UNIT:
-        x, y = x * image.width, y * image.height
-    return Sampled(x, image.height - y if p.origin is Origin.BOTTOM else y)
+    image = inputs["image"]
+    wide, tall = (image.width, image.height) if p.units is Units.UNIT else (1, 1)
+    y = Coordinate(-tall, added=image.height) if p.origin is Origin.BOTTOM else Coordinate(tall)
+    return Sampled(inputs["map"].pixels, Coordinate(wide), y)
 
 
 def _size(p: Parameters, facts: InputFacts) -> Size:
