@@ -487,6 +487,7 @@ class Operations(Generic[R]):
         map: Literal["absolute", "signed", "ciede2000", "flip"] | None = None,
         peak: float | None = None,
         margin: int | None = None,
+        metrics: Numbers | None = None,
         pixels_per_degree: float | None = None,
         **options: Unpack[Options],
     ) -> R:
@@ -499,6 +500,8 @@ class Operations(Generic[R]):
         peak: the largest value that the signal can have, for the peak signal-to-noise ratio; above 0, at most
             1000000; default 1.0
         margin: width of the border whose differences are stated apart; at least 0, at most 4096; px; default 1
+        metrics: the figures that are found beside the differences: regions, codes, ulps, ciede2000, flip; default
+            ["regions", "codes", "ulps"]
         pixels_per_degree: of visual angle, for flip: 67 is a screen of 3840 pixels over 0.7 m, seen from 0.7 m; at
             least 1, at most 200; default 67.0
         method: exact
@@ -510,6 +513,7 @@ class Operations(Generic[R]):
             map=map,
             peak=peak,
             margin=margin,
+            metrics=metrics,
             pixels_per_degree=pixels_per_degree,
             **options,
         )
