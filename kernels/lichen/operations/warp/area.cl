@@ -25,8 +25,8 @@
     fold(x, y, &picture);                                                                                              \
     EACH {                                                                                                             \
         seen[i] = fabs(x[i]) < INFINITY && fabs(y[i]) < INFINITY;                                                      \
-        x[i] = fmax(fmin(x[i], FAR), -FAR);                                                                            \
-        y[i] = fmax(fmin(y[i], FAR), -FAR);                                                                            \
+        x[i] = within(x[i]);                                                                                           \
+        y[i] = within(y[i]);                                                                                           \
     }                                                                                                                  \
     const int count = min(SEGMENT, width - first);                                                                     \
     const size_t start = (size_t)row * width + first;

@@ -29,8 +29,15 @@
     float fx[SEGMENT], fy[SEGMENT];                                                                                    \
     split_both(column, line, fx, fy, seen, x, y);
 
-/* Pixels that need no care first, then the others. */
+/* Where no pixel of the segment needs care, all of them in one loop without a branch; else those that need none first,
+ * then the others. */
 #define WRITE(easy, quick, careful)                                                                                    \
+    int all = 1;                                                                                                       \
+    for (int i = 0; i < count; ++i) all &= easy[i];                                                                    \
+    if (all) {                                                                                                         \
+        for (int i = 0; i < count; ++i) put(out, start + i, stride, channel, quick);                                   \
+        return;                                                                                                        \
+    }                                                                                                                  \
     for (int i = 0; i < count; ++i)                                                                                    \
         if (easy[i]) put(out, start + i, stride, channel, quick);                                                      \
     for (int i = 0; i < count; ++i)                                                                                    \
@@ -41,9 +48,10 @@ kernel void nearest(ARGUMENTS) {
     int column[SEGMENT], line[SEGMENT], easy[SEGMENT];
     EACH {
         seen[i] = fabs(x[i]) < INFINITY && fabs(y[i]) < INFINITY;
-        column[i] = (int)floor(fmax(fmin(x[i], FAR), -FAR));
-        line[i] = (int)floor(fmax(fmin(y[i], FAR), -FAR));
+        column[i] = cell_before(within(x[i]));
+        line[i] = cell_before(within(y[i]));
         easy[i] = seen[i] & (column[i] >= 0) & (line[i] >= 0) & (column[i] < columns) & (line[i] < rows);
+        seen[i] = easy[i] | (seen[i] & (border != BORDER_CONSTANT));
     }
     WRITE(easy, LOAD(pixels + CHANNELS * ((size_t)line[i] * columns + column[i])), fetch(&picture, column[i], line[i]))
 }
