@@ -162,6 +162,17 @@ class Lens:
             return division(self.k)
         return odd_polynomial(self.k, WIDEST if self.model is Model.KANNALA_BRANDT else math.inf)
 
+    def answers(self, r: Doubles, *, distorts: bool) -> Doubles:
+        """Whether places at these radii have a distorted, or an undistorted, place; without tangential terms."""
+        radial = self.radial
+        if self.model is Model.KANNALA_BRANDT:
+            ahead = radial.end < math.pi / 2
+            side = radial.top if ahead else float(radial.value(np.array(math.pi / 2)))
+            shown: Doubles = np.arctan(r) <= radial.end if distorts else (r <= side if ahead else r < side)
+            return shown
+        within: Doubles = r <= (radial.top if (self.model is Model.DIVISION) == distorts else radial.end)
+        return within
+
     def distort(self, x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
         """From u to d; NaN beyond the end of the lens."""
         r = np.hypot(x, y)
