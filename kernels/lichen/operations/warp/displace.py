@@ -215,7 +215,7 @@ displace = declare(
         {"pattern": "ripple", "amplitude": 2.5, "length": 11, "phase": 0.2, "reach": 30, "border": "reflect"},
         {"pattern": "swirl", "angle": 140},
         {"pattern": "taper", "amplitude": -0.7, "border": "clamp"},
-        {"pattern": "haze", "amplitude": 3, "length": 9, "seed": 5, "octaves": 3, "border": "reflect101"},
+        {"pattern": "haze", "amplitude": 3, "length": 9, "seed": 5, "border": "reflect101"},
     ),
     hard_cases=(
         HardCase(
