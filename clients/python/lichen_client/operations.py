@@ -487,6 +487,7 @@ class Operations(Generic[R]):
         map: Literal["absolute", "signed", "ciede2000", "flip"] | None = None,
         peak: float | None = None,
         margin: int | None = None,
+        metrics: Numbers | None = None,
         pixels_per_degree: float | None = None,
         **options: Unpack[Options],
     ) -> R:
@@ -499,6 +500,8 @@ class Operations(Generic[R]):
         peak: the largest value that the signal can have, for the peak signal-to-noise ratio; above 0, at most
             1000000; default 1.0
         margin: width of the border whose differences are stated apart; at least 0, at most 4096; px; default 1
+        metrics: the figures that are found beside the differences: regions, codes, ulps, ciede2000, flip; default
+            ["regions", "codes", "ulps"]
         pixels_per_degree: of visual angle, for flip: 67 is a screen of 3840 pixels over 0.7 m, seen from 0.7 m; at
             least 1, at most 200; default 67.0
         method: exact
@@ -510,6 +513,7 @@ class Operations(Generic[R]):
             map=map,
             peak=peak,
             margin=margin,
+            metrics=metrics,
             pixels_per_degree=pixels_per_degree,
             **options,
         )
@@ -999,11 +1003,14 @@ class Operations(Generic[R]):
         reach: float | None = None,
         centre: Numbers | None = None,
         seed: int | None = None,
+        octaves: int | None = None,
+        lacunarity: float | None = None,
+        gain: float | None = None,
         points: float | None = None,
         samples: float | None = None,
         **options: Unpack[Options],
     ) -> R:
-        """Displaces every pixel by a map, or by a ripple, swirl, taper or haze.
+        """Displaces every pixel by a map, or by a ripple, swirl, taper, or a haze of one octave or more.
 
         image: what is displaced
         map: x and y of every pixel's displacement
@@ -1021,6 +1028,9 @@ class Operations(Generic[R]):
         reach: where a swirl ends (half the smaller side if left out), or a ripple fades, px; above 0, at most 1000000
         centre: shares of width and height; default [0.5, 0.5]
         seed: of the haze; at least 0, at most 4294967295; default 0
+        octaves: of the haze: noises of ever smaller cells that are added; at least 1, at most 12; default 1
+        lacunarity: from one octave's frequency to the next one's; at least 1, at most 8; default 2.0
+        gain: from one octave's amplitude to the next one's; at least 0, at most 1; default 0.5
         points: samples along each axis of an ellipse; 2 to 16; a knob
         samples: samples of the pyramid's level along half the shorter axis; 1 to 8; a knob
         method: nearest, bilinear, bicubic, mitchell, bspline, lanczos2, lanczos3, mip, supersampled, ewa
@@ -1042,6 +1052,9 @@ class Operations(Generic[R]):
             reach=reach,
             centre=centre,
             seed=seed,
+            octaves=octaves,
+            lacunarity=lacunarity,
+            gain=gain,
             points=points,
             samples=samples,
             **options,

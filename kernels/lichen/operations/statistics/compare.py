@@ -7,14 +7,16 @@ Truth, pixel by pixel, by `map`:
 * ciede2000: the colour difference, of which 1 is about what can just be noticed; one channel.
 * flip: the difference seen when the pictures alternate before the eye, 0 to 1, at `pixels_per_degree`; one channel.
 
-The findings are the figures of the accuracy engine for the whole pictures:
+The findings are figures of the accuracy engine for the whole pictures. Always there are `largest`, `p999` (exceeded by
+one sample in a thousand), `rms` and `mean` of the absolute differences, the samples that are non-finite on one side
+alone (`mismatched`), and the peak signal-to-noise ratio for a `peak` of one's choice; of the others, those that
+`metrics` names:
 
-* `largest`, `p999` (exceeded by one sample in a thousand), `rms` and `mean` of the absolute differences, the samples
-  that are non-finite on one side alone (`mismatched`), and the peak signal-to-noise ratio for a `peak` of one's choice;
-* `border`, `inside`: largest and RMS within `margin` pixels of the edge, and elsewhere;
-* `codes`: how many code values apart samples are once stored in 8 and in 16 bits, and the share that differs;
-* `ulps`: the largest distance in units in the last place of float32, before coverage counts;
-* `ciede2000`, `flip`: mean and largest, or `refused` with the reason why the pictures have no colour to compare.
+* regions: `border`, `inside`: largest and RMS within `margin` pixels of the edge, and elsewhere;
+* codes: how many code values apart samples are once stored in 8 and in 16 bits, and the share that differs;
+* ulps: the largest distance in units in the last place of float32, before coverage counts;
+* ciede2000, flip: mean and largest, or `refused` with the reason why the pictures have no colour to compare. Either
+  takes longer than all others together, so it is not there unless it is named, or is the map.
 
 Colours are what a display shows of them: clipped to [0, 1]. Data has none, nor has anything that is not finite.
 
@@ -25,7 +27,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -68,6 +70,16 @@ class Map(StrEnum):
     FLIP = "flip"
 
 
+class Metric(StrEnum):
+    """A figure beside those of the differences themselves."""
+
+    REGIONS = "regions"
+    CODES = "codes"
+    ULPS = "ulps"
+    CIEDE2000 = "ciede2000"
+    FLIP = "flip"
+
+
 class Parameters(OperationParameters):
     map: Map = Map.ABSOLUTE
     """absolute or signed differences of every channel, or the difference seen: ciede2000, flip"""
@@ -75,6 +87,8 @@ class Parameters(OperationParameters):
     """the largest value that the signal can have, for the peak signal-to-noise ratio"""
     margin: int = Field(1, ge=0, le=4096, json_schema_extra={"unit": "px"})
     """width of the border whose differences are stated apart"""
+    metrics: tuple[Metric, ...] = Field((Metric.REGIONS, Metric.CODES, Metric.ULPS), max_length=len(Metric))
+    """the figures that are found beside the differences: regions, codes, ulps, ciede2000, flip"""
     pixels_per_degree: float = Field(colour.PIXELS_PER_DEGREE, ge=1, le=200)
     """of visual angle, for flip: 67 is a screen of 3840 pixels over 0.7 m, seen from 0.7 m"""
 
@@ -168,7 +182,7 @@ compare = Operation(
     result=_result,
     propagate=_propagate,
     check=_check,
-    examples=({}, {"map": "signed"}),
+    examples=({}, {"map": "signed", "metrics": ["ulps"]}),
     hard_cases=(
         HardCase(
             name="what is not finite",
@@ -233,12 +247,11 @@ class Exact:
 
 @compare.findings
 def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
-    """All figures of the accuracy engine."""
+    """The figures of the accuracy engine that are asked for."""
     image, reference = inputs["image"], inputs["reference"].pixels
     apart, mismatched = metrics.deviations(image.pixels, reference, image.alpha)
     taken = apart[~np.isnan(apart)]
     found = metrics.difference(image.pixels, reference, image.alpha)
-    border, inside = metrics.regions(image.pixels, reference, halo(p.margin), image.alpha)
     return {
         "largest": found.largest,
         "p999": found.p999,
@@ -246,16 +259,68 @@ def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
         "mean": float(taken.mean()) if taken.size else 0.0,
         "mismatched": mismatched,
         "psnr_db": metrics.psnr(image.pixels, reference, p.peak, image.alpha),
-        "border": _part(border),
-        "inside": _part(inside),
-        "codes": {
-            str(each): dataclasses.asdict(metrics.steps(image.pixels, reference, each))
+        **{
+            name: value
+            for each in sorted({*p.metrics, *_MAPPED[p.map]})
+            for name, value in _FIGURES[each](inputs, p, pixels)
+        },
+    }
+
+
+Figures = Iterable[tuple[str, Any]]
+
+
+def _regions(inputs: Inputs, p: Parameters, pixels: Array) -> Figures:
+    image = inputs["image"]
+    parts = metrics.regions(image.pixels, inputs["reference"].pixels, halo(p.margin), image.alpha)
+    return zip(("border", "inside"), map(_part, parts), strict=True)
+
+
+def _codes(inputs: Inputs, p: Parameters, pixels: Array) -> Figures:
+    image, reference = (inputs[name].pixels for name in ("image", "reference"))
+    yield (
+        "codes",
+        {
+            str(each): dataclasses.asdict(metrics.steps(image, reference, each))
             for each in (Storage.UINT8, Storage.UINT16)
         },
-        "ulps": metrics.ulps(image.pixels, reference),
-        "ciede2000": _seen(colour.ciede2000(image, reference)),
-        "flip": _seen(colour.flip(image, reference, p.pixels_per_degree)),
-    }
+    )
+
+
+def _ulps(inputs: Inputs, p: Parameters, pixels: Array) -> Figures:
+    yield "ulps", metrics.ulps(inputs["image"].pixels, inputs["reference"].pixels)
+
+
+def _ciede2000(inputs: Inputs, p: Parameters, pixels: Array) -> Figures:
+    image, reference = inputs["image"], inputs["reference"]
+    done = p.map is Map.CIEDE2000 and not (image.extent.nonfinite or reference.extent.nonfinite)
+    yield "ciede2000", _mapped_figures(pixels) if done else _seen(colour.ciede2000(image, reference.pixels))
+
+
+def _flip(inputs: Inputs, p: Parameters, pixels: Array) -> Figures:
+    image, reference = inputs["image"], inputs["reference"]
+    done = p.map is Map.FLIP and not (image.extent.nonfinite or reference.extent.nonfinite)
+    yield "flip", _mapped_figures(pixels) if done else _seen(colour.flip(image, reference.pixels, p.pixels_per_degree))
+
+
+_FIGURES: Mapping[Metric, Callable[[Inputs, Parameters, Array], Figures]] = {
+    Metric.REGIONS: _regions,
+    Metric.CODES: _codes,
+    Metric.ULPS: _ulps,
+    Metric.CIEDE2000: _ciede2000,
+    Metric.FLIP: _flip,
+}
+_MAPPED: Mapping[Map, tuple[Metric, ...]] = {
+    Map.ABSOLUTE: (),
+    Map.SIGNED: (),
+    Map.CIEDE2000: (Metric.CIEDE2000,),
+    Map.FLIP: (Metric.FLIP,),
+}
+"""Whose map is made anyway."""
+
+
+def _mapped_figures(pixels: Array) -> dict[str, float]:
+    return {"mean": float(pixels.mean(dtype=np.float64)), "largest": float(pixels.max())}
 
 
 def _part(found: metrics.Difference | None) -> dict[str, float] | None:

@@ -73,6 +73,14 @@ affine = declare(
             methods=("bilinear", "bicubic", "mitchell", "bspline", "lanczos2", "lanczos3", "ewa"),
         ),
         HardCase(
+            name="nothing moves",
+            why="weights of 1 beside weights of 0 that meet a NaN, and coordinates that come back rounded",
+            inputs=cases.noise_with_nan,
+            parameters={},
+            holds=cases.unmoved,
+            methods=("nearest", "bilinear", "bicubic", "lanczos2", "lanczos3", "mip", "supersampled", "ewa"),
+        ),
+        HardCase(
             name="quarter turn",
             why="sines of a quarter turn are not exactly 0, and weights beside them not either",
             inputs=cases.noise_with_nan,

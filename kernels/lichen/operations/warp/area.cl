@@ -6,26 +6,27 @@
 
 #define ARGUMENTS                                                                                                      \
     global const double *restrict matrix, global const double *restrict table, global const float *restrict steps,     \
-        int width, int height, global const float *restrict pixels, int columns, int rows, int border, float value,    \
+        int width, int top, int height, global const float *restrict pixels, int columns, int rows, int border,        \
+        float value,                                                                                                   \
         global float *restrict out, int stride, int channel, global const float *restrict pyramid,                     \
         global const int *restrict sizes, int levels, global const float *restrict means
 
 #define BEGIN                                                                                                          \
-    const int first = get_global_id(0) * SEGMENT, row = get_global_id(1);                                              \
-    if (first >= width || row >= height) return;                                                                       \
+    const int first = get_global_id(0) * SEGMENT, below = get_global_id(1), row = top + below;                         \
+    if (first >= width || below >= height) return;                                                                     \
     const Picture picture = {pixels, columns, rows, border, value};                                                    \
     double x[SEGMENT], y[SEGMENT];                                                                                     \
     float xu[SEGMENT], yu[SEGMENT], xv[SEGMENT], yv[SEGMENT];                                                          \
     int seen[SEGMENT];                                                                                                 \
-    locate(x, y, matrix, table, first, row, width);                                                                    \
-    derive(xu, yu, xv, yv, x, y, matrix, steps, first, row, width);                                                    \
+    locate(x, y, matrix, table, first, row, below, width);                                                             \
+    derive(xu, yu, xv, yv, x, y, matrix, steps, first, row, below, width);                                             \
     Shapes shapes;                                                                                                     \
     shape(&shapes, xu, yu, xv, yv);                                                                                    \
     fold(x, y, &picture);                                                                                              \
     EACH {                                                                                                             \
         seen[i] = fabs(x[i]) < INFINITY && fabs(y[i]) < INFINITY;                                                      \
-        x[i] = fmax(fmin(x[i], FAR), -FAR);                                                                            \
-        y[i] = fmax(fmin(y[i], FAR), -FAR);                                                                            \
+        x[i] = within(x[i]);                                                                                           \
+        y[i] = within(y[i]);                                                                                           \
     }                                                                                                                  \
     const int count = min(SEGMENT, width - first);                                                                     \
     const size_t start = (size_t)row * width + first;

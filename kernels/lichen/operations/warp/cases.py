@@ -49,6 +49,11 @@ def noise_with_nan() -> Given:
     return {"image": pixels}
 
 
+def unmoved(inputs: Given, pixels: Array) -> str | None:
+    same = np.array_equal(pixels, inputs["image"], equal_nan=True)
+    return None if same else "a map that moves nothing changed something"
+
+
 def turned(inputs: Given, pixels: Array) -> str | None:
     same = np.array_equal(pixels, np.rot90(inputs["image"], -1), equal_nan=True)
     return None if same else "a quarter turn is not exact"

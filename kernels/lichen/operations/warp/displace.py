@@ -10,8 +10,10 @@ Truth: the pixel at (u, v) shows the source at (u, v) + d(u, v), resampled as al
 * swirl: a turn about the centre by `angle` degrees, all of it at the centre, none from `reach` on: angle (1 - r /
   reach)^2, to the left as it is seen.
 * taper: rows narrow or widen about the centre, from not at all at the upper edge to 1 + `amplitude` times at the lower.
-* haze: hot air. Both components are `amplitude` times gradient noise of a cell of `length` px, that rises with `phase`
-  and is different for every `seed`; the integral over all is 0.
+* haze: hot air, turbulence. Both components are `amplitude` times gradient noise of a cell of `length` px, that rises
+  with `phase` and is different for every `seed`; the integral over all is 0. With `octaves` it is a sum of noises, each
+  of `lacunarity` times the frequency and `gain` times the amplitude of the one before (fBm), in a lattice of its own;
+  the shares sum to 1, so that nothing moves further than by one octave.
 
 Source: McReynolds and Blythe, Advanced Graphics Programming Using OpenGL, 2005, sections 12.2.4 and 14.1; Perlin,
 Improving noise, SIGGRAPH 2002, for the noise.
@@ -20,6 +22,7 @@ Improving noise, SIGGRAPH 2002, for the noise.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -29,8 +32,8 @@ from lichen.errors import Flaw
 from lichen.hashing import pcg3d
 from lichen.operation import Degrees, HardCase, Input, InputFacts, Inputs
 from lichen.operations.warp import cases
-from lichen.operations.warp.grids import Sampled
-from lichen.operations.warp.maps import Doubles, Map
+from lichen.operations.warp.grids import Coordinate, Sampled
+from lichen.operations.warp.maps import Doubles, Map, Recipe
 from lichen.operations.warp.prediction import Size
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 
@@ -57,6 +60,34 @@ class Parameters(WarpParameters):
     )
     centre: tuple[float, float] = Field((0.5, 0.5), description="shares of width and height")
     seed: int = Field(0, ge=0, le=2**32 - 1, description="of the haze")
+    octaves: int = Field(1, ge=1, le=12, description="of the haze: noises of ever smaller cells that are added")
+    lacunarity: float = Field(2.0, ge=1, le=8, description="from one octave's frequency to the next one's")
+    gain: float = Field(0.5, ge=0, le=1, description="from one octave's amplitude to the next one's")
+
+
+@dataclass(frozen=True)
+class Octave:
+    """One noise of a haze: frequency over that of the first, shift of its lattice, share, and the seeds of x and y."""
+
+    frequency: float
+    shift: tuple[float, float]
+    share: float
+    seeds: tuple[int, int]
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        return self.frequency, *self.shift, self.share, *self.seeds
+
+
+def octaves(p: Parameters) -> tuple[Octave, ...]:
+    """The first is not shifted; the others are, so that they do not share the zeros of their lattices."""
+    total = math.fsum(p.gain**k for k in range(p.octaves))
+    made = []
+    for k in range(p.octaves):
+        own, right, down = (int(each[0]) for each in pcg3d(p.seed, k, 0x5BD1E995)) if k else (p.seed, 0, 0)
+        shift = right / 2**32, down / 2**32
+        made.append(Octave(p.lacunarity**k, shift, p.gain**k / total, (own, own ^ 0x9E3779B9)))
+    return tuple(made)
 
 
 def _quintic(t: Doubles) -> Doubles:
@@ -88,6 +119,14 @@ class Displaced(Map):
     def __init__(self, p: Parameters, size: Size) -> None:
         self.p, self.size = p, size
 
+    def recipe(self) -> Recipe:
+        p, (width, height) = self.p, self.size
+        reach = p.reach or (min(width, height) / 2 if p.pattern is Pattern.SWIRL else math.inf)
+        start = list(Pattern).index(p.pattern), p.centre[0] * width, p.centre[1] * height
+        haze = [number for octave in octaves(p) for number in octave.numbers]
+        numbers = p.amplitude, p.length, p.phase, p.angle / 360, reach, height, p.octaves
+        return Recipe("warp/displace.cl", [*start, *numbers, *haze])
+
     def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
         p, (width, height) = self.p, self.size
         cx, cy = p.centre[0] * width, p.centre[1] * height
@@ -95,7 +134,8 @@ class Displaced(Map):
         match p.pattern:
             case Pattern.RIPPLE:
                 r = np.hypot(dx, dy)
-                wave = p.amplitude * np.sin(2 * math.pi * (r / p.length - p.phase))
+                turns = r / p.length - p.phase
+                wave = p.amplitude * np.sin(2 * math.pi * (turns - np.rint(turns)))
                 if p.reach is not None:
                     wave = wave * np.exp(-r / p.reach)
                 along = [np.divide(d, r, out=np.zeros(r.shape), where=r > 0) for d in np.broadcast_arrays(dx, dy)]
@@ -112,21 +152,20 @@ class Displaced(Map):
                 return cx + dx / ahead, v + 0 * u
             case _:
                 x, y = np.broadcast_arrays(u / p.length, v / p.length + p.phase)
-                left = gradient_noise(x, y, p.seed)
-                other = gradient_noise(x, y, p.seed ^ 0x9E3779B9)
-                return u + p.amplitude * left, v + p.amplitude * other
+                moved = [np.zeros_like(x), np.zeros_like(x)]
+                for each in octaves(p):
+                    a, b = x * each.frequency + each.shift[0], y * each.frequency + each.shift[1]
+                    for sum_, seed in zip(moved, each.seeds, strict=True):
+                        sum_ += each.share * gradient_noise(a, b, seed)
+                return u + p.amplitude * moved[0], v + p.amplitude * moved[1]
 
 
 def _map(p: Parameters, inputs: Inputs) -> Map:
     image = inputs["image"]
     if p.pattern is not Pattern.MAP:
         return Displaced(p, (image.width, image.height))
-    given = inputs["map"].pixels[..., :2].astype(np.float64)
-    height, width, _ = given.shape
-    v, u = np.mgrid[0:height, 0:width] + 0.5
-    with np.errstate(invalid="ignore"):
-        x, y = (u + (given[..., 0] - p.bias) * p.amplitude, v + (given[..., 1] - p.bias) * p.amplitude)
-    return Sampled(x, y)
+    both = Coordinate(p.amplitude, bias=p.bias, own=1.0)
+    return Sampled(inputs["map"].pixels, both, both)
 
 
 def _size(p: Parameters, facts: InputFacts) -> Size:
@@ -163,7 +202,7 @@ def _identity(p: Parameters, facts: InputFacts) -> str | None:
 displace = declare(
     Warp[Parameters](_map, _size),
     name="displace",
-    summary="Displaces every pixel by a map, or by a ripple, swirl, taper or haze.",
+    summary="Displaces every pixel by a map, or by a ripple, swirl, taper, or a haze of one octave or more.",
     description=__doc__ or "",
     parameters=Parameters,
     inputs=(

@@ -1,7 +1,13 @@
-"""Warps on an OpenCL device: the launches of taps.cl, area.cl and layout.cl."""
+"""Warps on an OpenCL device: the launches of taps.cl, area.cl and layout.cl, and of the maps' own kernels.
+
+The places of a projective map are nine numbers, and the kernels of the filters find them as they go. Those of every
+other map come from its own kernel, one for each operation, which writes them as a table for a band of rows; then the
+filter, one for all operations, runs over that band.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +18,14 @@ from lichen.opencl.session import Argument, Session
 from lichen.operation import Border
 from lichen.operations.warp.levels import sizes
 from lichen.operations.warp.maps import Map, Projective
-from lichen.operations.warp.reference import BAND, Closed, Source, grid
+from lichen.operations.warp.reference import BAND as HELD
+from lichen.operations.warp.reference import Closed, Source, grid
 
 SEGMENT = 64
-"""Pixels that one work-item does; `SEGMENT` in places.clh."""
+"""Pixels that one work-item does; `SEGMENT` in segment.clh."""
 GROUP = (1, 16)
+BAND = 1 << 18
+"""Pixels whose places are held at once: 12 MiB with their steps."""
 BORDERS: list[Border | Closed] = [*Border, *Closed]
 """In the order of their numbers in border.clh and places.clh."""
 
@@ -27,39 +36,68 @@ def built_for(channels: int) -> dict[str, int]:
 
 
 @dataclass(frozen=True, eq=False)
-class Looks:
-    """The places of a result on the device: nine numbers, or tables of coordinates and of their steps."""
+class Band:
+    """The places of some rows of a result on the device: nine numbers, or tables of coordinates and of their steps."""
 
-    matrix: Array | None
-    table: Array | None
-    steps: Array | None
+    top: int
+    rows: int
     width: int
-    height: int
-
-    @classmethod
-    def of(cls, map_: Map, width: int, height: int, *, steps: bool) -> Looks:
-        """Of a map; `steps` where footprints are wanted, too."""
-        if isinstance(map_, Projective):
-            return cls(aligned(map_.array.reshape(-1), np.float64), None, None, width, height)
-        table = aligned_empty((height, width, 2), np.float64)
-        along = aligned_empty((height, width, 4)) if steps else None
-        u, rows = np.arange(width) + 0.5, max(1, BAND // width)
-        for first in range(0, height, rows):
-            some = slice(first, min(first + rows, height))
-            v = np.arange(some.start, some.stop) + 0.5
-            if along is None:
-                table[some, :, 0], table[some, :, 1] = map_.at(u[np.newaxis, :], v[:, np.newaxis])
-                continue
-            at = map_.places(u, v)
-            table[some, :, 0], table[some, :, 1] = at.x, at.y
-            with np.errstate(over="ignore"):
-                for number, each in enumerate((at.xu, at.yu, at.xv, at.yv)):
-                    along[some, :, number] = each
-        return cls(None, table, along, width, height)
+    matrix: Array | None = None
+    table: Array | None = None
+    steps: Array | None = None
 
     @property
     def grid(self) -> tuple[int, int]:
-        return -(-self.width // SEGMENT), self.height
+        return -(-self.width // SEGMENT), self.rows
+
+    @property
+    def size(self) -> tuple[np.generic, ...]:
+        """Width, first row and rows, as kernels take them."""
+        return np.int32(self.width), np.int32(self.top), np.int32(self.rows)
+
+
+def bands(session: Session, map_: Map, width: int, height: int, *, steps: bool) -> Iterator[Band]:
+    """All rows of a map, some at a time so that tables stay in the cache; `steps` where footprints are wanted, too.
+    What is launched on one band comes before the next band is filled."""
+    recipe = map_.recipe()
+    if isinstance(map_, Projective):
+        yield Band(0, height, width, matrix=aligned(map_.array.reshape(-1), np.float64))
+        return
+    if recipe is None:
+        yield _by_host(map_, width, height, steps)
+        return
+    numbers = aligned(np.concatenate([map_.periods, recipe.numbers]), np.float64)
+    given = None if recipe.given is None else aligned(recipe.given)
+    rows = min(height, max(GROUP[1], BAND // width // GROUP[1] * GROUP[1]))
+    table = session.scratch((rows, width, 2), np.float64)
+    along = session.scratch((rows, width, 4)) if steps else None
+    for top in range(0, height, rows):
+        band = Band(top, min(rows, height - top), width, table=table, steps=along)
+        session.launch(
+            recipe.source, "places", band.grid, numbers, given, session.write(table),
+            None if along is None else session.write(along), np.int32(width), np.int32(height), np.int32(top),
+            np.int32(band.rows), local=GROUP,
+        )  # fmt: skip
+        yield band
+
+
+def _by_host(map_: Map, width: int, height: int, steps: bool) -> Band:
+    """All rows at once."""
+    table = aligned_empty((height, width, 2), np.float64)
+    along = aligned_empty((height, width, 4)) if steps else None
+    u, rows = np.arange(width) + 0.5, max(1, HELD // width)
+    for first in range(0, height, rows):
+        some = slice(first, min(first + rows, height))
+        v = np.arange(some.start, some.stop) + 0.5
+        if along is None:
+            table[some, :, 0], table[some, :, 1] = map_.at(u[np.newaxis, :], v[:, np.newaxis])
+            continue
+        at = map_.places(u, v)
+        table[some, :, 0], table[some, :, 1] = at.x, at.y
+        with np.errstate(over="ignore"):
+            for number, each in enumerate((at.xu, at.yu, at.xv, at.yv)):
+                along[some, :, number] = each
+    return Band(0, height, width, table=table, steps=along)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,19 +138,21 @@ class Blocks:
 
 
 def sampled(
-    device: Device, source: Source, map_: Map, size: tuple[int, int], kernel: str, *further: np.generic
+    device: Device, source: Source, map_: Map, size: tuple[int, int], kernel: str, *further: np.generic, around: int = 0
 ) -> Array:
-    """The result of one of the kernels of taps.cl, `size` (width, height)."""
-    looks = Looks.of(map_, *size, steps=False)
-    out = aligned_empty((looks.height, looks.width, source.pixels.shape[2]))
+    """The result of one of the kernels of taps.cl, `size` (width, height), of a source with samples put `around` it."""
+    width, height = size
+    out = aligned_empty((height, width, source.pixels.shape[2]))
     with device.session() as session:
         blocks = Blocks(source, session)
-        for channel, pixels in blocks.each():
-            session.launch(
-                "warp/taps.cl", kernel, looks.grid, looks.matrix, looks.table, np.int32(looks.width),
-                np.int32(looks.height), pixels, *blocks.picture, session.readwrite(out), np.int32(out.shape[2]),
-                np.int32(channel), *further, local=GROUP, defines=blocks.defines,
-            )  # fmt: skip
+        pictures = blocks.each()
+        for band in bands(session, map_, width, height, steps=False):
+            for channel, pixels in pictures:
+                session.launch(
+                    "warp/taps.cl", kernel, band.grid, band.matrix, band.table, *band.size, pixels, *blocks.picture,
+                    np.int32(around), session.readwrite(out), np.int32(out.shape[2]), np.int32(channel), *further,
+                    local=GROUP, defines=blocks.defines,
+                )  # fmt: skip
     return out
 
 
@@ -120,21 +160,26 @@ def averaged(
     device: Device, source: Source, map_: Map, size: tuple[int, int], kernel: str, *further: Argument, deep: bool = True
 ) -> Array:
     """The result of one of the kernels of area.cl; `deep` where it needs a pyramid."""
-    looks = Looks.of(map_, *size, steps=True)
-    channels = source.pixels.shape[2]
-    out = aligned_empty((looks.height, looks.width, channels))
+    width, height = size
+    out = aligned_empty((height, width, source.pixels.shape[2]))
     with device.session() as session:
         blocks = Blocks(source, session)
-        for channel, pixels in blocks.each():
-            levels, described = _pyramid(session, blocks, pixels, deep)
-            mean = aligned(_row_sums(session, blocks, pixels).sum(axis=0) / (pixels.shape[0] * pixels.shape[1]))
-            session.launch(
-                "warp/area.cl", kernel, looks.grid, looks.matrix, looks.table, looks.steps, np.int32(looks.width),
-                np.int32(looks.height), pixels, *blocks.picture, session.readwrite(out), np.int32(channels),
-                np.int32(channel), levels, aligned(described, np.int32), np.int32(len(described)),
-                mean, *further, local=GROUP, defines=blocks.defines,
-            )  # fmt: skip
+        pictures = [(channel, pixels, *_prepared(session, blocks, pixels, deep)) for channel, pixels in blocks.each()]
+        for band in bands(session, map_, width, height, steps=True):
+            for channel, pixels, levels, described, mean in pictures:
+                session.launch(
+                    "warp/area.cl", kernel, band.grid, band.matrix, band.table, band.steps, *band.size, pixels,
+                    *blocks.picture, session.readwrite(out), np.int32(out.shape[2]), np.int32(channel), levels,
+                    described, np.int32(len(described)), mean, *further, local=GROUP, defines=blocks.defines,
+                )  # fmt: skip
     return out
+
+
+def _prepared(session: Session, blocks: Blocks, pixels: Array, deep: bool) -> tuple[Array, Array, Array]:
+    """The levels of a block, where each lies in them, and its mean."""
+    levels, described = _pyramid(session, blocks, pixels, deep)
+    mean = aligned(_row_sums(session, blocks, pixels).sum(axis=0) / (pixels.shape[0] * pixels.shape[1]))
+    return levels, aligned(described, np.int32), mean
 
 
 def _row_sums(session: Session, blocks: Blocks, pixels: Array) -> Array:

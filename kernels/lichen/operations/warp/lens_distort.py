@@ -24,7 +24,7 @@ from lichen.memory import Array
 from lichen.operation import HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
 from lichen.operations.warp.lenses import Lens, Model
-from lichen.operations.warp.maps import Doubles, Map
+from lichen.operations.warp.maps import Doubles, Map, Recipe
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 
 
@@ -37,6 +37,8 @@ class Direction(StrEnum):
     """the lens's image becomes a pinhole's"""
 
 
+ROWS = 64
+"""Rows whose background is counted at once."""
 Coefficient = Annotated[float, Field(ge=-100, le=100)]
 
 
@@ -62,10 +64,22 @@ class Bent(Map):
         self.p, self.source, self.target = p, source, target
         self.focal = p.focal or math.hypot(*source) / 2
 
+    def recipe(self) -> Recipe:
+        p, radial = self.p, self.p.lens.radial
+        (cx, cy), (width, height), (wide, tall) = p.centre, self.target, self.source
+        farthest = math.hypot(max(cx, 1 - cx) * width + 1, max(cy, 1 - cy) * height + 1) / self.focal
+        distorts = p.direction is Direction.UNDISTORT
+        start = (list(Model).index(p.model), distorts, self.focal, cx * width, cy * height, cx * wide, cy * tall)
+        return Recipe("warp/lens_distort.cl", [*start, *p.lens.p, *radial.numbers(p.k, farthest)])
+
+    def counted(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
+        """Places of the result in focal lengths from the centre of distortion."""
+        x, y = (u - self.p.centre[0] * self.target[0]), (v - self.p.centre[1] * self.target[1])
+        return x / self.focal, y / self.focal
+
     def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
         p, lens = self.p, self.p.lens
-        x, y = (u - p.centre[0] * self.target[0]) / self.focal, (v - p.centre[1] * self.target[1]) / self.focal
-        x, y = np.broadcast_arrays(x, y)
+        x, y = np.broadcast_arrays(*self.counted(u, v))
         x, y = lens.distort(x, y) if p.direction is Direction.UNDISTORT else lens.undistort(x, y)
         return p.centre[0] * self.source[0] + self.focal * x, p.centre[1] * self.source[1] + self.focal * y
 
@@ -126,6 +140,13 @@ lens_distort = declare(
 @lens_distort.findings
 def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
     """How many pixels of the result have no place in the source, and where the lens ends, in focal lengths."""
-    map_, (height, width) = _map(p, inputs), pixels.shape[:2]
-    x, _ = map_.at(np.arange(width) + 0.5, (np.arange(height) + 0.5)[:, np.newaxis])
-    return {"background": int(np.count_nonzero(np.isnan(x))), "end_of_lens": p.lens.radial.end}
+    map_, (height, width), lens = _map(p, inputs), pixels.shape[:2], p.lens
+    u, background = np.arange(width) + 0.5, 0
+    for first in range(0, height, ROWS):
+        v = np.arange(first, min(first + ROWS, height))[:, np.newaxis] + 0.5
+        if lens.p == (0, 0):  # a radius tells, without the search for its place
+            shown = lens.answers(np.hypot(*map_.counted(u, v)), distorts=p.direction is Direction.UNDISTORT)
+        else:
+            shown = np.isfinite(map_.at(u, v)[0])
+        background += int(np.count_nonzero(~shown))
+    return {"background": background, "end_of_lens": lens.radial.end}

@@ -30,6 +30,8 @@ import numpy as np
 
 from lichen.operations.warp.maps import Doubles
 
+BRACKETS = 256
+"""In which a device begins its searches."""
 STEPS = 100
 """Steps that a bracketed search takes at most: 53 halvings give all bits."""
 CLOSE = 1e-10
@@ -59,6 +61,19 @@ class Rising:
         """f(x); NaN beyond the end."""
         inside = x <= self.end
         return np.where(inside, self.value(np.where(inside, x, 0.0)), np.nan)
+
+    @property
+    def top(self) -> float:
+        """The value at the end; infinite where neither ends."""
+        return float(self.value(np.array(self.end))) if math.isfinite(self.end) else math.inf
+
+    def numbers(self, k: tuple[float, ...], largest: float) -> list[float]:
+        """For a device: the end, the value there, the coefficients `k` filled up to four, and brackets of the arguments
+        of all values up to `largest`: how many, up to which value, and their edges."""
+        reached = min(self.top, largest)
+        edges = self.solve(np.arange(BRACKETS + 1) * (reached / BRACKETS))
+        edges[-1] = self.end if math.isnan(edges[-1]) else edges[-1]
+        return [self.end, self.top, *k, *[0.0] * (4 - len(k)), BRACKETS, reached, *edges]
 
     def solve(self, y: Doubles) -> Doubles:
         """x with f(x) = y >= 0; NaN where no x up to the end has it."""
@@ -146,6 +161,17 @@ class Lens:
         if self.model is Model.DIVISION:
             return division(self.k)
         return odd_polynomial(self.k, WIDEST if self.model is Model.KANNALA_BRANDT else math.inf)
+
+    def answers(self, r: Doubles, *, distorts: bool) -> Doubles:
+        """Whether places at these radii have a distorted, or an undistorted, place; without tangential terms."""
+        radial = self.radial
+        if self.model is Model.KANNALA_BRANDT:
+            ahead = radial.end < math.pi / 2
+            side = radial.top if ahead else float(radial.value(np.array(math.pi / 2)))
+            shown: Doubles = np.arctan(r) <= radial.end if distorts else (r <= side if ahead else r < side)
+            return shown
+        within: Doubles = r <= (radial.top if (self.model is Model.DIVISION) == distorts else radial.end)
+        return within
 
     def distort(self, x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
         """From u to d; NaN beyond the end of the lens."""

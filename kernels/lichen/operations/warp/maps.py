@@ -12,7 +12,8 @@ between the middles of opposite sides. Where a side is background, the half that
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -40,11 +41,26 @@ class Places(NamedTuple):
         return Places(*(each[which] for each in self))
 
 
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """How a device finds the places of a map: the kernel `places` of a source (see look.clh)."""
+
+    source: str
+    numbers: Sequence[float] | Doubles
+    """what the kernel's `p` holds behind the periods"""
+    given: Array | None = field(default=None)
+    """a picture that it reads, float32"""
+
+
 class Map:
     """From output coordinates to source coordinates."""
 
     periods: tuple[float, float] = (math.inf, math.inf)
     """of the source coordinates x and y: how far two numbers of one and the same place lie apart"""
+
+    def recipe(self) -> Recipe | None:
+        """How a device finds its places, or None where the host does."""
+        return None
 
     def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
         """x and y for output coordinates that broadcast against one another; NaN for background."""

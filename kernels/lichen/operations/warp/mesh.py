@@ -21,7 +21,7 @@ from lichen.errors import Flaw
 from lichen.operation import HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
 from lichen.operations.warp.kernels import CATMULL_ROM
-from lichen.operations.warp.maps import Doubles, Map
+from lichen.operations.warp.maps import Doubles, Map, Recipe
 from lichen.operations.warp.prediction import Size
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 
@@ -53,6 +53,11 @@ class Nodes(Map):
         self.nodes = np.concatenate(
             [2 * nodes[:, :1] - nodes[:, 1:2], nodes, 2 * nodes[:, -1:] - nodes[:, -2:-1]], axis=1
         )
+
+    def recipe(self) -> Recipe:
+        rows, columns, _ = self.nodes.shape
+        start = columns - 2, rows - 2, *self.size, self.patches is Patches.BICUBIC
+        return Recipe("warp/mesh.cl", np.concatenate([start, self.nodes.ravel()]))
 
     def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
         u, v = np.broadcast_arrays(u, v)

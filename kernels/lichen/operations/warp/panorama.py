@@ -21,9 +21,9 @@ from pydantic import Field
 from lichen.errors import Flaw
 from lichen.operation import Border, Degrees, HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
-from lichen.operations.warp.charts import LAYOUT, SHAPE, Chart, Sphere, Vectors
+from lichen.operations.warp.charts import FACES, LAYOUT, NOTHING, SHAPE, Chart, Sphere, Vectors
 from lichen.operations.warp.kernels import BILINEAR
-from lichen.operations.warp.maps import Doubles, Map, Places, folded_difference
+from lichen.operations.warp.maps import Doubles, Map, Places, Recipe, folded_difference
 from lichen.operations.warp.prediction import Size
 from lichen.operations.warp.reference import Closed, Source, interpolate
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare
@@ -121,6 +121,15 @@ class Turned(Map):
         self.tile = _cell(p.target, target)
         if p.source is Chart.LATLONG:
             self.periods = float(source[0]), math.inf
+
+    def recipe(self) -> Recipe:
+        charts, own, target = list(Chart), self.source, self.target
+        start = charts.index(own.chart), charts.index(target.chart), LAYOUT[own.chart][0], *LAYOUT[target.chart]
+        view = own.view / 720
+        faces = [(*FACES.get(each.chart, ()), *[NOTHING] * 12)[:12] for each in (own, target)]
+        cells = [faces[0].index(each) if each in faces[0] else 0 for each in range(NOTHING)]
+        sizes = *self.cell, self.margin, *self.tile
+        return Recipe("warp/panorama.cl", [*start, *sizes, view, *self.turn.ravel(), *faces[0], *faces[1], *cells])
 
     def directions(self, u: Doubles, v: Doubles, face: Doubles) -> Vectors:
         """In the image, of places of the result in a face of its chart."""

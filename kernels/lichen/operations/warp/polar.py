@@ -22,7 +22,7 @@ from pydantic import Field
 from lichen.errors import Flaw
 from lichen.operation import Degrees, HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
-from lichen.operations.warp.maps import Doubles, Map
+from lichen.operations.warp.maps import Doubles, Map, Recipe
 from lichen.operations.warp.prediction import Size
 from lichen.operations.warp.reference import Closed
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
@@ -64,6 +64,11 @@ class Polar(Map):
         self.p, self.picture, self.chart = p, picture, chart
         self.inner, self.outer = _radii(p, picture)
         self.middle = p.centre[0] * picture[0], p.centre[1] * picture[1]
+
+    def recipe(self) -> Recipe:
+        forward, logarithm = isinstance(self, Forward), math.log(self.outer / self.inner) if self.p.log else 0.0
+        ends = self.inner, self.outer, self.p.start / 360, logarithm
+        return Recipe("warp/polar.cl", (forward, *self.middle, *self.chart, *ends))
 
 
 class Forward(Polar):

@@ -194,13 +194,13 @@ def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Ra
         def opencl(device: Device, inputs: Inputs, p: P, knob: float) -> Array:
             if not device.has_fp64:
                 return ByKernel.numpy(inputs, p, knob)
-            source, map_ = warp.source(inputs, p), warp.map(p, inputs)
+            source, around = warp.source(inputs, p), 0
             if prefiltered:
                 source, around = spline(source)
-                map_ = Moved.by(map_, around)
             name = {1: "nearest", 2: "linear", 4: "four", 6: "six"}[kernel.taps]
             further = (np.int32(kernel.code),) if kernel.taps == 4 else ()
-            return sampled(device, source, map_, warp.extent_of(inputs, p), name, *further)
+            size = warp.extent_of(inputs, p)
+            return sampled(device, source, warp.map(p, inputs), size, name, *further, around=around)
 
         @staticmethod
         def numpy(inputs: Inputs, p: P, knob: float) -> Array:
@@ -229,22 +229,6 @@ TOLD = {
     "lanczos2": "The Lanczos kernel of radius 2, 4 x 4 samples.",
     "lanczos3": "The Lanczos kernel of radius 3, 6 x 6 samples: truth where nothing shrinks.",
 }
-
-
-class Moved(Map):
-    """Another map's places, moved by as many samples as were put around the source."""
-
-    def __init__(self, of: Map, around: int) -> None:
-        self._of, self._around = of, around
-        self.periods = of.periods
-
-    @classmethod
-    def by(cls, of: Map, around: int) -> Map:
-        return cls(of, around) if around else of
-
-    def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
-        x, y = self._of.at(u, v)
-        return x + self._around, y + self._around
 
 
 def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:

@@ -1,20 +1,25 @@
 /* Warps that take one interpolated value for each pixel: nearest, bilinear, and kernels of 4 or 6 samples.
- * Arguments: `matrix` or `table`, whichever is not null; the size of the result; the picture; where to write. */
+ * Arguments: `matrix` or `table`, whichever is not null; the width of the result, its first row in the table and how many
+ * there are; the picture, and how many samples were put around it; where to write. */
 
 #include "taps.clh"
 
 #define ARGUMENTS                                                                                                      \
-    global const double *restrict matrix, global const double *restrict table, int width, int height,                  \
-        global const float *restrict pixels, int columns, int rows, int border, float value,                           \
+    global const double *restrict matrix, global const double *restrict table, int width, int top, int height,         \
+        global const float *restrict pixels, int columns, int rows, int border, float value, int around,               \
         global float *restrict out, int stride, int channel
 
 #define BEGIN                                                                                                          \
-    const int first = get_global_id(0) * SEGMENT, row = get_global_id(1);                                              \
-    if (first >= width || row >= height) return;                                                                       \
+    const int first = get_global_id(0) * SEGMENT, below = get_global_id(1), row = top + below;                         \
+    if (first >= width || below >= height) return;                                                                     \
     const Picture picture = {pixels, columns, rows, border, value};                                                    \
     double x[SEGMENT], y[SEGMENT];                                                                                     \
     int seen[SEGMENT];                                                                                                 \
-    locate(x, y, matrix, table, first, row, width);                                                                    \
+    locate(x, y, matrix, table, first, row, below, width);                                                             \
+    EACH {                                                                                                             \
+        x[i] += around;                                                                                                \
+        y[i] += around;                                                                                                \
+    }                                                                                                                  \
     fold(x, y, &picture);                                                                                              \
     const int count = min(SEGMENT, width - first);                                                                     \
     const size_t start = (size_t)row * width + first;
@@ -24,8 +29,15 @@
     float fx[SEGMENT], fy[SEGMENT];                                                                                    \
     split_both(column, line, fx, fy, seen, x, y);
 
-/* Pixels that need no care first, then the others. */
+/* Where no pixel of the segment needs care, all of them in one loop without a branch; else those that need none first,
+ * then the others. */
 #define WRITE(easy, quick, careful)                                                                                    \
+    int all = 1;                                                                                                       \
+    for (int i = 0; i < count; ++i) all &= easy[i];                                                                    \
+    if (all) {                                                                                                         \
+        for (int i = 0; i < count; ++i) put(out, start + i, stride, channel, quick);                                   \
+        return;                                                                                                        \
+    }                                                                                                                  \
     for (int i = 0; i < count; ++i)                                                                                    \
         if (easy[i]) put(out, start + i, stride, channel, quick);                                                      \
     for (int i = 0; i < count; ++i)                                                                                    \
@@ -36,9 +48,10 @@ kernel void nearest(ARGUMENTS) {
     int column[SEGMENT], line[SEGMENT], easy[SEGMENT];
     EACH {
         seen[i] = fabs(x[i]) < INFINITY && fabs(y[i]) < INFINITY;
-        column[i] = (int)floor(fmax(fmin(x[i], FAR), -FAR));
-        line[i] = (int)floor(fmax(fmin(y[i], FAR), -FAR));
+        column[i] = cell_before(within(x[i]));
+        line[i] = cell_before(within(y[i]));
         easy[i] = seen[i] & (column[i] >= 0) & (line[i] >= 0) & (column[i] < columns) & (line[i] < rows);
+        seen[i] = easy[i] | (seen[i] & (border != BORDER_CONSTANT));
     }
     WRITE(easy, LOAD(pixels + CHANNELS * ((size_t)line[i] * columns + column[i])), fetch(&picture, column[i], line[i]))
 }

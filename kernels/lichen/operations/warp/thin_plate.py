@@ -33,7 +33,7 @@ from lichen.errors import Flaw
 from lichen.memory import Array
 from lichen.operation import HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
-from lichen.operations.warp.maps import Doubles, Map, Places
+from lichen.operations.warp.maps import Doubles, Map, Places, Recipe
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 
 Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -119,6 +119,12 @@ def _plate(p: Parameters) -> Plate:
 class Bending(Map):
     def __init__(self, plate: Plate) -> None:
         self.plate = plate
+
+    def recipe(self) -> Recipe:
+        plate = self.plate
+        knots = np.concatenate([plate.knots, plate.weights], axis=1)
+        start = len(knots), *plate.centre, 1 / plate.scale
+        return Recipe("warp/thin_plate.cl", np.concatenate([start, plate.linear.ravel(), knots.ravel()]))
 
     def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
         at = self._evaluate(*np.broadcast_arrays(u, v))

@@ -69,12 +69,25 @@ def test_flip_is_a_map_and_a_figure() -> None:
 def test_what_is_spoilt_is_told_and_has_no_colour() -> None:
     spoilt = FIRST.copy()
     spoilt[3, 4, 1] = np.nan
-    found = lichen.run("compare", Image(spoilt, Space.SRGB), reference=Image(FIRST, Space.SRGB)).findings
+    named = ["codes", "ciede2000", "flip"]
+    found = lichen.run("compare", Image(spoilt, Space.SRGB), reference=Image(FIRST, Space.SRGB), metrics=named).findings
     assert found["mismatched"] == 1
     assert found["largest"] == 0
     assert found["codes"]["uint8"] == {"largest": 0, "differing": 0.0, "mismatched": 1}
     assert "NaN" in found["flip"]["refused"]
     assert "NaN" in found["ciede2000"]["refused"]
+
+
+def test_no_figure_is_found_that_nobody_asked_for() -> None:
+    images = [Image(each, Space.SRGB) for each in (FIRST, SECOND)]
+    always = {"largest", "p999", "rms", "mean", "mismatched", "psnr_db"}
+    for asked, expected in (
+        ({}, {"border", "inside", "codes", "ulps"}),
+        ({"metrics": []}, set()),
+        ({"metrics": ["flip", "ulps"]}, {"flip", "ulps"}),
+        ({"metrics": [], "map": "ciede2000"}, {"ciede2000"}),
+    ):
+        assert lichen.run("compare", images[0], reference=images[1], **asked).findings.keys() == always | expected
 
 
 def test_border_and_inside_are_told_apart() -> None:

@@ -147,6 +147,9 @@ def test_a_lens_that_answers_is_right(model: Model, k: list[float], p: tuple[flo
         u, v = there(x, y)
         answered = np.isfinite(u)
         assert answered[5, 7]
+        if lens.p == (0, 0):
+            told = lens.answers(np.hypot(x, y), distorts=there == lens.distort)
+            np.testing.assert_array_equal(answered, told)
         again = back(u[answered], v[answered])
         if model is Model.BROWN_CONRADY and there == lens.distort:
             continue  # a point of the lens may have a second one, beyond where tangential terms fold it
