@@ -28,7 +28,7 @@ BLUR = "/v1/operations/gaussian"
 
 @contextmanager
 def served(**environment: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
-    """A server on a free port, ready to be asked; ended when left."""
+    """A server on a free port, ready to be asked; ended when left, and in order unless it was killed."""
     command = [sys.executable, "-m", "lichen_service", "--port", "0", "--workers", "1", "--threads", "2"]
     data = tempfile.mkdtemp(prefix="lichen-test-")
     process = subprocess.Popen(
@@ -46,8 +46,9 @@ def served(**environment: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
         wait_until_ready(port)
         yield process, port
     finally:
+        killed = process.poll() == -signal.SIGKILL
         process.terminate()
-        process.wait(30)
+        assert killed or process.wait(30) == 0
         process.stdout.close()
         shutil.rmtree(data, ignore_errors=True)
 
