@@ -82,7 +82,7 @@ class Service:
         system, accuracy = System(settings, self.readiness), Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
         pipelines, scenes, textures = Pipelines(settings, self._running), Scenes(settings, self._running), Textures()
-        self.jobs = _jobs(settings, self.assets, self.handle, check)
+        self.jobs = _jobs(settings, self.assets, self.handle, self._check)
         self.metrics = Metrics(catalogue.operations())
         self.routes: tuple[Route, ...] = (
             *(self.jobs.table if self.jobs else ()),
@@ -199,10 +199,15 @@ class Service:
         handler = match.route.handler(head.method)
         assert handler is not None, "find refuses methods without a handler"
         if self.jobs and match.route.scope == "run" and wants_a_job(request):
-            if match.route.check is not None:
-                match.route.check(request, match.name)
+            self._check(request)
             return self.jobs.routes.accept(request)
         return handler(request, match.name)
+
+    def _check(self, request: Request) -> None:
+        """Raises all that can be seen to be wrong with a request that is to become a job."""
+        match = find(self.routes, request.head)
+        if match.route.check is not None:
+            match.route.check(request, match.name)
 
     def _get(self, request: Request, name: str) -> Response:
         """The declaration of an operation, or a run of one whose images the query names, or that needs none."""
@@ -233,7 +238,7 @@ def _jobs(
     settings: Settings,
     assets: Assets,
     handle: Callable[[Request], Response],
-    check: Callable[[Request, str], None],
+    check: Callable[[Request], None],
 ) -> Jobs | None:
     """Jobs where they are wanted and can be kept; a service whose disk cannot be written still computes."""
     if settings.jobs == "off":
