@@ -20,7 +20,7 @@ import structlog
 from lichen import catalogue
 from lichen.errors import LichenError
 from lichen.files import encode
-from lichen_service import logs
+from lichen_service import logs, tracing
 from lichen_service.access import signing
 from lichen_service.access.cors import Cors
 from lichen_service.access.guard import Caller, Guard
@@ -84,6 +84,7 @@ class Service:
         pipelines, scenes, textures = Pipelines(settings, self._running), Scenes(settings, self._running), Textures()
         self.jobs = _jobs(settings, self.assets, self.handle, self._check)
         self.metrics = Metrics(catalogue.operations())
+        self._tracing = tracing.start() if settings.traces == "on" else None
         self.routes: tuple[Route, ...] = (
             *(self.jobs.table if self.jobs else ()),
             *Studio().routes,
@@ -121,6 +122,8 @@ class Service:
     def answered(self, line: Mapping[str, Any]) -> None:
         """Hears of every answer that has left, as the access log has it."""
         self.metrics.answered(line)
+        if self._tracing is not None:
+            self._tracing.answered(line)
 
     def _outgoing(self, head: Head, response: Response, caller: Any) -> Response:
         """The response with what does not depend on its route, and what the log shall know."""

@@ -119,6 +119,7 @@ class Settings:
         64 << 20, "bytes of answers one process keeps for whoever asks the same; 0 keeps none", 0, None
     )
 
+    traces: str = _switch("off", "whether spans of requests are sent to OpenTelemetry, as its variables OTEL_* say")
     calibrate: str = _switch("on", "whether a machine without measured times is measured, while idle")
 
     def environment(self) -> dict[str, str]:
