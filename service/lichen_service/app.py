@@ -25,6 +25,7 @@ from lichen_service.access import signing
 from lichen_service.access.cors import Cors
 from lichen_service.access.guard import Caller, Guard
 from lichen_service.assets import Assets
+from lichen_service.assets_elsewhere import open_assets
 from lichen_service.cache import Answers
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.decoding.pool import Decoders
@@ -74,7 +75,7 @@ class Service:
         self.readiness = Readiness(self._canary)
         self.traffic = Traffic()
         self.calibrating = Calibrating(self.readiness, self.traffic)
-        self.assets = Assets(settings.data_folder / "assets", settings.asset_store)
+        self.assets = open_assets(settings.assets, settings.asset_folder, settings.asset_store)
         self.decoders = Decoders(settings.decoders, settings.decoder_memory, settings.decoder_seconds)
         self.answers = Answers(settings.cache)
         self._running = Running(settings, self.assets, self.decoders, self.answers)

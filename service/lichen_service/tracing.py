@@ -5,7 +5,7 @@ request costs the same whether it is traced or not, and a line and a span never 
 began (`traceparent`) goes on here, and its word whether to record is kept; other requests begin traces of their own.
 
 The packages are optional (`pip install 'lichen[telemetry]'`). Where spans go, how many are sampled and what the service
-is called are said by OpenTelemetry's own variables (OTEL_EXPORTER_OTLP_ENDPOINT, OTEL_TRACES_SAMPLER, OTEL_SERVICE_NAME).
+is called are said by OpenTelemetry's variables (OTEL_EXPORTER_OTLP_ENDPOINT, OTEL_TRACES_SAMPLER, OTEL_SERVICE_NAME).
 """
 
 from __future__ import annotations

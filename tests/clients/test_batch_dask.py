@@ -1,4 +1,4 @@
-"""Batches on a Dask cluster: a scheduler and workers that are processes, one of which is killed."""
+"""Batches and jobs on a Dask cluster: a scheduler and workers that are processes, one of which is killed."""
 
 from __future__ import annotations
 
@@ -9,25 +9,37 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl
 
 import numpy as np
 import pytest
 
+from lichen.files import encode
+from lichen.image import Image
 from lichen_cli.main import main
 from lichen_client import Client
+from lichen_service.app import Service
+from lichen_service.http.message import Head, Request, Response
+from lichen_service.settings import Settings
 
 PATIENCE = 90.0
 """Seconds; generous, since only a hang should fail here."""
 COUNT = 24
 
 
-@pytest.fixture
-def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Where a scheduler listens, and its two workers."""
+@pytest.fixture(autouse=True)
+def numpy_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here as on the cluster, so that both compute the same."""
     monkeypatch.setenv("LICHEN_DEVICE", "numpy")
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Where a scheduler listens, and its two workers, of which the last test kills one."""
+    tmp_path = tmp_path_factory.mktemp("cluster")
     environment = {**os.environ, "LICHEN_DEVICE": "numpy"}
     found = tmp_path / "scheduler.json"
 
@@ -50,6 +62,77 @@ def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[s
         for each in reversed(processes):
             each.kill()
             each.wait()
+
+
+def asked(service: Service, method: str, path: str, body: bytes = b"", **headers: str) -> Response:
+    target, _, query = path.partition("?")
+    now = time.monotonic()
+    head = Head(
+        method, target, tuple(parse_qsl(query)), {**headers, "content-length": str(len(body))}, "a", now, now + 60
+    )
+    return service.handle(Request(head, body))
+
+
+def state_of(service: Service, location: str) -> str:
+    return str(json.loads(bytes(asked(service, "GET", location).body))["status"])
+
+
+def test_jobs_of_the_service_are_computed_there_bit_for_bit(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    service = Service(Settings(data=str(tmp_path), jobs=f"dask://{cluster[0]}", cache=0, decoders=1))
+    assert service.jobs is not None
+    service.jobs.runner.start()
+    try:
+        picture = np.random.default_rng(3).random((60, 80, 3), np.float32)
+        body = bytes(encode(Image(picture), "png").data)
+        stored = json.loads(bytes(asked(service, "PUT", "/v1/assets", body).body))["id"]
+        run, later = "/v1/operations/gaussian?sigma=3&format=png", {"prefer": "respond-async"}
+        expected = asked(service, "POST", run, body)
+        assert expected.status == 200
+        graph = json.dumps({"pipeline": "gaussian:sigma=3", "options": {"format": "png"}, "inputs": {"image": stored}})
+        orders = [(run, body, later), (f"{run}&image={stored}", b"", later), ("/v1/jobs", graph.encode(), {})]
+        jobs = [asked(service, "POST", path, sent, **headers) for path, sent, headers in orders]
+        broken = asked(service, "POST", run, body[:-30], **later)
+        for each in jobs:
+            location = each.headers["Location"]
+            until(lambda location=location: state_of(service, location) == "successful")
+            found = asked(service, "GET", f"{location}/result")
+            assert (found.status, bytes(found.body)) == (200, bytes(expected.body))
+            assert found.headers["Content-Digest"] == expected.headers["Content-Digest"]
+        until(lambda: state_of(service, broken.headers["Location"]) == "failed")
+        refused = asked(service, "GET", f"{broken.headers['Location']}/result")
+        assert (refused.status, refused.headers["X-Problem-Code"]) == (422, "unreadable-image")
+    finally:
+        service.jobs.runner.stop(PATIENCE)
+        service.decoders.end()
+
+
+def test_jobs_wait_for_a_cluster_that_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from lichen_service.jobs import cluster as module
+
+    monkeypatch.setattr(module, "WAITING", 0.3)
+    service = Service(Settings(data=str(tmp_path), jobs="dask://127.0.0.1:9", cache=0, decoders=0))
+    assert service.jobs is not None
+    service.jobs.runner.start()
+    try:
+        body = bytes(encode(Image(np.ones((4, 4, 3), np.float32)), "png").data)
+        location = asked(service, "POST", "/v1/operations/gaussian?sigma=1", body, prefer="respond-async").headers[
+            "Location"
+        ]
+        until(lambda: json.loads(bytes(asked(service, "GET", location).body))["progress"] == 0)
+        seen = set()
+        until(lambda: seen.add(state_of(service, location)) or seen == {"accepted", "running"})
+        assert json.loads(bytes(asked(service, "DELETE", location).body))["status"] == "dismissed"
+    finally:
+        service.jobs.runner.stop(PATIENCE)
+
+
+def until(holds: Callable[[], bool]) -> None:
+    ends = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < ends, "it did not happen"
+        time.sleep(0.01)
 
 
 def test_a_worker_killed_in_the_middle_costs_nothing(

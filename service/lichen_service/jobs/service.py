@@ -15,6 +15,8 @@ from lichen_service.routing import Route
 from lichen_service.settings import Settings
 
 JSON = "application/json"
+SCHEME = "dask://"
+"""How a setting begins that names the scheduler of a cluster."""
 
 
 class Jobs:
@@ -27,6 +29,10 @@ class Jobs:
     ) -> None:
         """`check` raises all that can be seen to be wrong with a run before it is one."""
         self.queue = Queue(settings.data_folder / "jobs", assets)
+        if settings.jobs.startswith(SCHEME):
+            from lichen_service.jobs.cluster import Cluster
+
+            handle = Cluster(settings, assets).handle
         self.runner = Runner(
             self.queue, handle, threads=settings.job_threads, timeout=settings.job_timeout, keep=settings.job_ttl
         )

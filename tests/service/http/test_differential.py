@@ -91,6 +91,12 @@ def ours(data: bytes, cuts: random.Random) -> tuple[Read, int] | None:
     return read, at
 
 
+def plain(name: str, value: str) -> tuple[str, str]:
+    """A field as we have it: in lower case where case means nothing."""
+    name = name.lower()
+    return name, value.lower() if name == "transfer-encoding" else value
+
+
 class Theirs:
     """What llhttp reads of bytes that we take for one whole request."""
 
@@ -110,7 +116,7 @@ class Theirs:
 
     def on_header(self, name: bytes, value: bytes) -> None:
         if not self.read.body:  # afterwards they are trailers
-            self.read.fields.append((name.decode("latin-1").lower(), value.decode("latin-1").strip(" \t")))
+            self.read.fields.append(plain(name.decode("latin-1"), value.decode("latin-1").strip(" \t")))
 
     def on_body(self, part: bytes) -> None:
         self.read.body += part
@@ -123,7 +129,7 @@ def gunicorn_reads(data: bytes) -> Read | None:
     """What gunicorn's parser reads of the same bytes; None where it refuses them."""
     try:
         request = next(RequestParser(GUNICORN, [data], ("127.0.0.1", 1)))
-        fields = [(name.lower(), value) for name, value in request.headers]
+        fields = [plain(name, value) for name, value in request.headers]
         return Read(request.method, request.uri, fields, request.body.read())
     except (ParseException, StopIteration):
         return None
