@@ -33,7 +33,7 @@ class Inside:
         self._folder = tempfile.TemporaryDirectory(prefix="lichen-inside-")
         own: dict[str, Any] = {"data": self._folder.name, "cache": 0, "jobs": "off", "workers": 1, "calibrate": "off"}
         if settings is not None:
-            alone = {"decoders": min(settings.decoders, 1), "assets": "", "traces": "off"}
+            alone: dict[str, Any] = {"decoders": min(settings.decoders, 1), "assets": "", "traces": "off"}
             self._service = Service(replace(settings, **own, **alone))
             return
         room: dict[str, Any] = {} if memory is None else {"memory": max(memory, 1 << 20)}

@@ -125,9 +125,8 @@ def test_scenes_are_rendered_and_explained(url: str, client: Client) -> None:
 
 
 def test_a_pipeline_on_files_is_the_same_here_and_there(
-    url: str, image: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    url: str, image: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("LICHEN_DEVICE", "numpy")
     photo = tmp_path / "photo.npy"
     np.save(photo, image)
     graph = {
@@ -142,7 +141,7 @@ def test_a_pipeline_on_files_is_the_same_here_and_there(
         "outputs": {"soft": {"node": "soft", "storage": "uint16"}, "sharp": {"node": "sharp", "format": "exr"}},
     }
     (tmp_path / "graph.json").write_text(json.dumps(graph))
-    for place, more in (("here", []), ("there", ["--url", url])):
+    for place, more in (("here", ["--device", "numpy"]), ("there", ["--device", "numpy", "--url", url])):
         out = tmp_path / place
         out.mkdir()
         command = ["run", "--pipeline", "gaussian:sigma=2|levels:black=0.1", str(photo), str(out / "a.png"), *more]
