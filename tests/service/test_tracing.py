@@ -1,14 +1,10 @@
-"""Spans are what the access log says, in the trace that the client began, and cross the wire to a collector."""
+"""Spans are what the access log says, in the trace that the client began. `test_server` has them sent."""
 
 from __future__ import annotations
 
-import http.server
-import threading
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
 from opentelemetry.sdk.trace import TracerProvider
 from opentelemetry.sdk.trace.export import SimpleSpanProcessor
 from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
@@ -16,8 +12,6 @@ from opentelemetry.trace import SpanKind, StatusCode
 
 from lichen_service import tracing
 from lichen_service.tracing import Tracing
-
-from .test_server import ask, served
 
 TRACE, PARENT = "4bf92f3577b34da6a3ce929d0e0e4736", "00f067aa0ba902b7"
 LINE: dict[str, Any] = {
@@ -87,37 +81,3 @@ def test_without_the_packages_it_says_what_to_install(monkeypatch: pytest.Monkey
     monkeypatch.setitem(__import__("sys").modules, "opentelemetry.sdk.trace", None)
     with pytest.raises(tracing.InvalidSettings, match="telemetry"):
         tracing.start()
-
-
-@pytest.fixture
-def collector() -> Iterator[tuple[int, list[Any]]]:
-    """Something that speaks OTLP: its port, and the spans it has been sent."""
-    found: list[Any] = []
-
-    class Collector(http.server.BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            body = self.rfile.read(int(self.headers["Content-Length"]))
-            sent = ExportTraceServiceRequest.FromString(body)
-            found.extend(span for each in sent.resource_spans for scope in each.scope_spans for span in scope.spans)
-            self.send_response(200)
-            self.end_headers()
-
-        def log_message(self, *_: Any) -> None:
-            pass
-
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Collector) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield server.server_port, found
-        server.shutdown()
-
-
-def test_what_was_not_sent_yet_is_sent_at_the_end(collector: tuple[int, list[Any]], png: bytes) -> None:
-    port, found = collector
-    endpoint = f"http://127.0.0.1:{port}/v1/traces"
-    with served(LICHEN_TRACES="on", LICHEN_DEVICE="numpy", OTEL_EXPORTER_OTLP_TRACES_ENDPOINT=endpoint) as (_, own):
-        header = {"traceparent": f"00-{TRACE}-{PARENT}-01"}
-        assert ask(own, "POST", "/v1/operations/gaussian?sigma=2", png, header)[0] == 200
-    mine = [each for each in found if each.trace_id.hex() == TRACE]
-    (request,) = (each for each in mine if each.parent_span_id.hex() == PARENT)
-    assert request.name == "POST /v1/operations/{name}"
-    assert {"queue", "decode", "kernel", "encode"} <= {each.name for each in mine}

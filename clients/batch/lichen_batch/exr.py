@@ -103,7 +103,8 @@ def write(
         top = 0
         for band in bands:
             bottom = top + band.shape[0]
-            if not file.write_tiles(0, shape[1], top, bottom, 0, 1, np.require(band, requirements=["C", "W"])):
+            # A copy: what came from another process names its order of bytes, and the library knows no such type.
+            if not file.write_tiles(0, shape[1], top, bottom, 0, 1, np.array(band, order="C")):
                 raise OSError(f"{path} cannot be written: {file.geterror()}")
             top = bottom
         if not file.close():
