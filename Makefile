@@ -6,6 +6,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8080
 DRAWS ?= 20000
 INPUTS ?= 80000
+CASES ?= 20
 SECONDS ?= 600
 KILLS ?= 100
 PIPELINES ?= 2000
@@ -23,7 +24,7 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z-]*\):[^#]*## */  make \1 @/p' $(firstword $(MAKEFILE_LIST)) | awk -F@ '{ printf "%-24s%s\n", $$1, $$2 }'
-	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) DRAWS INPUTS SECONDS KILLS ARGS=... (handed on: make test ARGS='-k lic')"
+	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) DRAWS INPUTS CASES SECONDS KILLS ARGS=... (handed on: make test ARGS='-k lic')"
 
 install: $(VENV)/.runtime ## install what serving needs: system packages, .venv, pinned Python packages
 
@@ -50,8 +51,9 @@ format: $(VENV)/.development ## bring the source into the house style
 	@$(BIN)/ruff check --quiet --fix .
 	@$(BIN)/ruff format --quiet .
 
-fuzz: $(VENV)/.development ## hold errors to DRAWS drawn images, plans to PIPELINES, reading HTTP to INPUTS requests
+fuzz: $(VENV)/.development ## hold errors to DRAWS images, plans to PIPELINES, HTTP to INPUTS, OpenAPI to CASES a path
 	@LICHEN_INPUTS=$(INPUTS) $(BIN)/python -m pytest tests/service/http/test_differential.py
+	@LICHEN_CASES=$(CASES) $(BIN)/python -m pytest tests/service/test_contract.py
 	@LICHEN_PIPELINES=$(PIPELINES) $(BIN)/python -m pytest tests/kernels/planning/test_metamorphic.py
 	@LICHEN_DRAWS=$(DRAWS) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py $(ARGS)
 

@@ -20,11 +20,12 @@ import structlog
 from lichen import catalogue
 from lichen.errors import LichenError
 from lichen.files import encode
-from lichen_service import logs
+from lichen_service import logs, tracing
 from lichen_service.access import signing
 from lichen_service.access.cors import Cors
 from lichen_service.access.guard import Caller, Guard
 from lichen_service.assets import Assets
+from lichen_service.assets_elsewhere import open_assets
 from lichen_service.cache import Answers
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.decoding.pool import Decoders
@@ -74,7 +75,7 @@ class Service:
         self.readiness = Readiness(self._canary)
         self.traffic = Traffic()
         self.calibrating = Calibrating(self.readiness, self.traffic)
-        self.assets = Assets(settings.data_folder / "assets", settings.asset_store)
+        self.assets = open_assets(settings.assets, settings.asset_folder, settings.asset_store)
         self.decoders = Decoders(settings.decoders, settings.decoder_memory, settings.decoder_seconds)
         self.answers = Answers(settings.cache)
         self._running = Running(settings, self.assets, self.decoders, self.answers)
@@ -82,8 +83,9 @@ class Service:
         system, accuracy = System(settings, self.readiness), Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
         pipelines, scenes, textures = Pipelines(settings, self._running), Scenes(settings, self._running), Textures()
-        self.jobs = _jobs(settings, self.assets, self.handle, check)
+        self.jobs = _jobs(settings, self.assets, self.handle, self._check)
         self.metrics = Metrics(catalogue.operations())
+        self._tracing = tracing.start() if settings.traces == "on" else None
         self.routes: tuple[Route, ...] = (
             *(self.jobs.table if self.jobs else ()),
             *Studio().routes,
@@ -121,6 +123,8 @@ class Service:
     def answered(self, line: Mapping[str, Any]) -> None:
         """Hears of every answer that has left, as the access log has it."""
         self.metrics.answered(line)
+        if self._tracing is not None:
+            self._tracing.answered(line)
 
     def _outgoing(self, head: Head, response: Response, caller: Any) -> Response:
         """The response with what does not depend on its route, and what the log shall know."""
@@ -199,10 +203,15 @@ class Service:
         handler = match.route.handler(head.method)
         assert handler is not None, "find refuses methods without a handler"
         if self.jobs and match.route.scope == "run" and wants_a_job(request):
-            if match.route.check is not None:
-                match.route.check(request, match.name)
+            self._check(request)
             return self.jobs.routes.accept(request)
         return handler(request, match.name)
+
+    def _check(self, request: Request) -> None:
+        """Raises all that can be seen to be wrong with a request that is to become a job."""
+        match = find(self.routes, request.head)
+        if match.route.check is not None:
+            match.route.check(request, match.name)
 
     def _get(self, request: Request, name: str) -> Response:
         """The declaration of an operation, or a run of one whose images the query names, or that needs none."""
@@ -233,7 +242,7 @@ def _jobs(
     settings: Settings,
     assets: Assets,
     handle: Callable[[Request], Response],
-    check: Callable[[Request, str], None],
+    check: Callable[[Request], None],
 ) -> Jobs | None:
     """Jobs where they are wanted and can be kept; a service whose disk cannot be written still computes."""
     if settings.jobs == "off":

@@ -2,11 +2,12 @@
 
 A thread begins when the process is warm and finds no times for this machine. It works in runs of a few milliseconds,
 only while no request is in flight, and throws away a run that met one; readiness never waits for it. Of several worker
-processes one measures: it holds a lock file, and the others see what it has stored.
+processes one measures: it holds a lock, and the others see what it has stored.
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
 import threading
 import time
@@ -29,8 +30,6 @@ PAUSE = 0.003
 """Seconds between runs, in which whatever waits for a processor gets it."""
 QUIET = 0.05
 """Seconds without a request before the next run."""
-ABANDONED = 900.0
-"""Seconds after which a lock file is taken for that of a process that has died."""
 
 
 class Traffic:
@@ -119,22 +118,24 @@ class Calibrating:
 
 @contextmanager
 def _alone(path: Path) -> Iterator[bool]:
-    """Whether this process is the one that measures, until the body ends; where no lock can be written it is, too."""
-    try:
-        if time.time() - path.stat().st_mtime > ABANDONED:
-            path.unlink()
-    except OSError:
-        pass  # there is none, or another process was quicker
+    """Whether this process is the one that measures, until the body ends; where no lock can be written it is, too.
+
+    The lock is the kernel's, so it ends with a process that is killed.
+    """
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
-    except FileExistsError:
-        yield False
-        return
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     except OSError:
         yield True
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        yield False
         return
     try:
         yield True
     finally:
         path.unlink(missing_ok=True)
+        os.close(descriptor)

@@ -86,8 +86,8 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     for each in DECLARED:
         default = each.default if each.default != "" else "empty"
         shown = f"{each.help} (default {default}; {each.variable})"
-        if each.choices == ("on", "off"):  # the flag alone switches it on
-            parser.add_argument(each.flag, nargs="?", const="on", metavar="on|off", help=shown)
+        if each.choices[:2] == ("on", "off"):  # the flag alone switches it on
+            parser.add_argument(each.flag, nargs="?", const="on", metavar="|".join(each.choices), help=shown)
         else:
             parser.add_argument(each.flag, metavar=each.kind.__name__.upper(), help=shown)
 

@@ -66,7 +66,7 @@ def job_paths() -> dict[str, Any]:
             },
             "post": {
                 "operationId": "postJob",
-                "summary": "Has an operation run in the background",
+                "summary": "Has an operation, a pipeline or a scene run in the background",
                 "description": "Whatever computes does the same with `Prefer: respond-async`.",
                 "parameters": [{"name": "Idempotency-Key", "in": "header", "schema": {"type": "string"}}],
                 "requestBody": {"required": True, "content": {"application/json": {"schema": _order()}}},
@@ -136,14 +136,19 @@ def _job() -> dict[str, Any]:
 
 
 def _order() -> dict[str, Any]:
+    """One of three: an operation, a pipeline, or a scene."""
     stored = {"type": "string", "pattern": "^sha256:[0-9a-f]{64}$"}
+    inputs = {"type": "object", "additionalProperties": stored}
+    free, text = {"type": "object"}, {"type": "string"}
+
+    def order(kind: str, said: dict[str, Any], settings: str) -> dict[str, Any]:
+        fields = {kind: said, settings: free, "inputs": inputs}
+        return {"type": "object", "properties": fields, "required": [kind], "additionalProperties": False}
+
     return {
-        "type": "object",
-        "properties": {
-            "operation": {"type": "string"},
-            "parameters": {"type": "object"},
-            "inputs": {"type": "object", "additionalProperties": stored},
-        },
-        "required": ["operation"],
-        "additionalProperties": False,
+        "oneOf": [
+            order("operation", text, "parameters"),
+            order("pipeline", {"anyOf": [free, text]}, "options"),
+            order("scene", free, "options"),
+        ]
     }

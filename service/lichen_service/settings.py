@@ -93,8 +93,13 @@ class Settings:
 
     data: str = _setting("", "folder for keys, assets and jobs; empty: this user's data folder")
     keys: str = _setting("", "file of keys (lichen keys); empty: keys.json in the data folder, if there is one")
-    asset_store: int = _setting(4 << 30, "bytes of all assets on disk; those unused longest give way", 1, None)
-    jobs: str = _switch("on", "whether work may be asked for that is done in the background")
+    assets: str = _setting("", "where assets are kept: a folder, or a URL that fsspec knows; empty: in the data folder")
+    asset_store: int = _setting(4 << 30, "bytes of all assets; those unused longest give way", 1, None)
+    jobs: str = _setting(
+        "on",
+        "whether work may be asked for that is done in the background: on, off, or by a cluster: dask://HOST:PORT",
+        choices=("on", "off", "dask://"),
+    )
     job_threads: int = _setting(1, "jobs one process computes at a time", 1, 64)
     job_timeout: float = _setting(3600.0, "seconds a job may take", 0.1, 1e6, limit="job_seconds")
     job_ttl: float = _setting(86400.0, "seconds an ended job and its result are kept", 1, 1e8, limit="job_kept_seconds")
@@ -119,6 +124,7 @@ class Settings:
         64 << 20, "bytes of answers one process keeps for whoever asks the same; 0 keeps none", 0, None
     )
 
+    traces: str = _switch("off", "whether spans of requests are sent to OpenTelemetry, as its variables OTEL_* say")
     calibrate: str = _switch("on", "whether a machine without measured times is measured, while idle")
 
     def environment(self) -> dict[str, str]:
@@ -151,6 +157,11 @@ class Settings:
     @property
     def data_folder(self) -> Path:
         return Path(self.data) if self.data else platformdirs.user_data_path("lichen")
+
+    @property
+    def asset_folder(self) -> Path:
+        """Where assets are kept, or what is known of them where a store elsewhere keeps them."""
+        return self.data_folder / "assets" if not self.assets or "://" in self.assets else Path(self.assets)
 
     @property
     def key_file(self) -> Path:
@@ -190,7 +201,7 @@ class Declared:
         shown = repr(given)
         if self.choices:
             given = {True: "on", False: "off"}.get(given, given) if isinstance(given, bool) else given
-            if given not in self.choices:
+            if not self._is_choice(given):
                 raise ValueError(f"must be {' or '.join(self.choices)} (got {shown})")
         wanted = {int: "a whole number", float: "a number"}.get(self.kind, "text")
         if isinstance(given, list) and self.kind is str and all(isinstance(each, str) for each in given):
@@ -206,6 +217,11 @@ class Declared:
             raise ValueError(f"must be {wanted} (got {shown})")
         self._check_range(value, shown)
         return value
+
+    def _is_choice(self, given: Any) -> bool:
+        """Whether it is one of the choices, or goes on after one that is a scheme."""
+        schemes = tuple(each for each in self.choices if each.endswith("://"))
+        return given not in schemes and (given in self.choices or str(given).startswith(schemes))
 
     def _check_range(self, value: Any, shown: str) -> None:
         if self.low is not None and not value >= self.low:  # written so that NaN fails

@@ -91,9 +91,9 @@ def test_killed_at_any_moment_and_resumed_nothing_is_lost_and_nothing_is_done_tw
     photos: Path, tmp_path: Path, expected: dict[str, bytes], capsys: pytest.CaptureFixture[str]
 ) -> None:
     draws = random.Random(5)
-    for _ in range(2):
+    for workers in (2, 1):
         known = len(journal(tmp_path))
-        process = started(photos, tmp_path, "--workers", 2, "--resume")
+        process = started(photos, tmp_path, "--workers", workers, "--resume")
         wanted = known + draws.randint(1, 4)
         while len(journal(tmp_path)) < wanted and process.poll() is None:
             time.sleep(0.002)

@@ -1,7 +1,9 @@
-"""Batches on a Dask cluster: a scheduler and workers that are processes, one of which is killed."""
+"""Batches, tiles and jobs on a Dask cluster: a scheduler and workers that are processes, in two networks where the
+system allows it, and one of which is killed."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -9,47 +11,198 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl
 
 import numpy as np
 import pytest
+from distributed import Client as Distributed
 
+from lichen.files import encode
+from lichen.image import Image, Storage
+from lichen_batch import rasters
 from lichen_cli.main import main
 from lichen_client import Client
+from lichen_service.app import Service
+from lichen_service.http.message import Head, Request, Response
+from lichen_service.settings import Settings
 
 PATIENCE = 90.0
 """Seconds; generous, since only a hang should fail here."""
 COUNT = 24
 
 
-@pytest.fixture
-def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Where a scheduler listens, and its two workers."""
+@pytest.fixture(autouse=True)
+def numpy_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here as on the cluster, so that both compute the same."""
     monkeypatch.setenv("LICHEN_DEVICE", "numpy")
+
+
+@pytest.fixture(scope="module")
+def network() -> Iterator[tuple[str, str, list[str]]]:
+    """Addresses here and elsewhere, and the command that runs a process there: in a network namespace of its own,
+    joined to this one by a pair of interfaces, where the system allows to make one."""
+    name, here, there = f"lichen-{os.getpid()}", "198.51.100.1", "198.51.100.2"
+    ends = f"li{os.getpid() % 100000}a", f"li{os.getpid() % 100000}b"
+    commands = [
+        f"ip netns add {name}",
+        f"ip link add {ends[0]} type veth peer name {ends[1]} netns {name}",
+        f"ip addr add {here}/30 dev {ends[0]}",
+        f"ip link set {ends[0]} up",
+        f"ip -n {name} addr add {there}/30 dev {ends[1]}",
+        f"ip -n {name} link set {ends[1]} up",
+        f"ip -n {name} link set lo up",
+    ]
+    try:
+        made = all(not subprocess.run(each.split(), capture_output=True, check=False).returncode for each in commands)
+    except FileNotFoundError:
+        made = False
+    try:
+        yield (here, there, ["ip", "netns", "exec", name]) if made else ("127.0.0.1", "127.0.0.1", [])
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            subprocess.run(["ip", "netns", "del", name], capture_output=True, check=False)
+            subprocess.run(["ip", "link", "del", ends[0]], capture_output=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def cluster(
+    tmp_path_factory: pytest.TempPathFactory, network: tuple[str, str, list[str]]
+) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Where a scheduler listens, and its two workers, the second in another network; the last test kills the first."""
+    tmp_path = tmp_path_factory.mktemp("cluster")
     environment = {**os.environ, "LICHEN_DEVICE": "numpy"}
     found = tmp_path / "scheduler.json"
+    here, there, elsewhere = network
 
-    def start(module: str, *arguments: str) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", f"distributed.cli.{module}", "--scheduler-file", str(found), *arguments]
+    def start(module: str, host: str, *arguments: str) -> subprocess.Popen[bytes]:
+        before = elsewhere if host == there else []
+        common = ["--scheduler-file", str(found), "--host", host, "--no-dashboard"]
         return subprocess.Popen(
-            command, env=environment, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [*before, sys.executable, "-m", f"distributed.cli.{module}", *common, *arguments],
+            env=environment,
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
 
-    processes = [start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")]
+    processes = [start("dask_scheduler", here, "--port", "0")]
     try:
-        limit = time.monotonic() + PATIENCE
-        while not found.exists():
-            assert time.monotonic() < limit
-            time.sleep(0.05)
-        workers = [start("dask_worker", "--nthreads", "1", "--no-nanny", "--no-dashboard") for _ in range(2)]
+        until(found.exists)
+        workers = [start("dask_worker", host, "--nthreads", "1", "--no-nanny") for host in (here, there)]
         processes += workers
         yield json.loads(found.read_text())["address"].removeprefix("tcp://"), workers
     finally:
         for each in reversed(processes):
             each.kill()
             each.wait()
+
+
+def test_the_cluster_spans_two_networks(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], network: tuple[str, str, list[str]]
+) -> None:
+    with Distributed(f"tcp://{cluster[0]}", set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=PATIENCE)
+        hosts = {each.split("//")[1].split(":")[0] for each in client.nthreads()}
+    assert hosts == set(network[:2])
+    if not network[2]:
+        pytest.skip("no network namespace can be made here, so all of it is in one network")
+
+
+def asked(service: Service, method: str, path: str, body: bytes = b"", **headers: str) -> Response:
+    target, _, query = path.partition("?")
+    now = time.monotonic()
+    head = Head(
+        method, target, tuple(parse_qsl(query)), {**headers, "content-length": str(len(body))}, "a", now, now + 60
+    )
+    return service.handle(Request(head, body))
+
+
+def state_of(service: Service, location: str) -> str:
+    return str(json.loads(bytes(asked(service, "GET", location).body))["status"])
+
+
+def test_jobs_of_the_service_are_computed_there_bit_for_bit(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    service = Service(Settings(data=str(tmp_path), jobs=f"dask://{cluster[0]}", cache=0, decoders=1))
+    assert service.jobs is not None
+    service.jobs.runner.start()
+    try:
+        picture = np.random.default_rng(3).random((60, 80, 3), np.float32)
+        body = bytes(encode(Image(picture), "png").data)
+        stored = json.loads(bytes(asked(service, "PUT", "/v1/assets", body).body))["id"]
+        run, later = "/v1/operations/gaussian?sigma=3&format=png&device=numpy", {"prefer": "respond-async"}
+        expected = asked(service, "POST", run, body)
+        assert expected.status == 200
+        graph = json.dumps(
+            {
+                "pipeline": "gaussian:sigma=3",
+                "options": {"format": "png", "device": "numpy"},
+                "inputs": {"image": stored},
+            }
+        )
+        orders = [(run, body, later), (f"{run}&image={stored}", b"", later), ("/v1/jobs", graph.encode(), {})]
+        jobs = [asked(service, "POST", path, sent, **headers) for path, sent, headers in orders]
+        broken = asked(service, "POST", run, body[:-30], **later)
+        for each in jobs:
+            location = each.headers["Location"]
+            until(lambda location=location: state_of(service, location) == "successful")
+            found = asked(service, "GET", f"{location}/result")
+            assert (found.status, bytes(found.body)) == (200, bytes(expected.body))
+            assert found.headers["Content-Digest"] == expected.headers["Content-Digest"]
+        until(lambda: state_of(service, broken.headers["Location"]) == "failed")
+        refused = asked(service, "GET", f"{broken.headers['Location']}/result")
+        assert (refused.status, refused.headers["X-Problem-Code"]) == (422, "unreadable-image")
+    finally:
+        service.jobs.runner.stop(PATIENCE)
+        service.decoders.end()
+
+
+def test_tiles_are_computed_there_bit_for_bit(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = Image(np.random.default_rng(5).random((600, 530, 3), np.float32), storage=Storage.FLOAT32)
+    (tmp_path / "scene.exr").write_bytes(bytes(encode(scene, "exr").data))
+    soft = ["--operation", "gaussian", "--set", "sigma=3", "--set", "method=fir", "--set", "device=numpy"]
+    for name in ("made.exr", "made.zarr"):
+        made = {}
+        for place, more in (("here", []), ("there", ["--engine", f"dask://{cluster[0]}"])):
+            (tmp_path / place).mkdir(exist_ok=True)
+            made[place] = str(tmp_path / place / name)
+            assert main(["batch", "tiles", str(tmp_path / "scene.exr"), made[place], *soft, *more]) == 0
+        assert json.loads(capsys.readouterr().out.splitlines()[-1])["shape"] == [600, 530, 3]
+        here, there = (rasters.open_raster(each).read(0, 0, 600, 530) for each in made.values())
+        np.testing.assert_array_equal(here, there)
+
+
+def test_jobs_wait_for_a_cluster_that_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from lichen_service.jobs import cluster as module
+
+    monkeypatch.setattr(module, "WAITING", 0.3)
+    service = Service(Settings(data=str(tmp_path), jobs="dask://127.0.0.1:9", cache=0, decoders=0))
+    assert service.jobs is not None
+    service.jobs.runner.start()
+    try:
+        body = bytes(encode(Image(np.ones((4, 4, 3), np.float32)), "png").data)
+        location = asked(service, "POST", "/v1/operations/gaussian?sigma=1", body, prefer="respond-async").headers[
+            "Location"
+        ]
+        until(lambda: json.loads(bytes(asked(service, "GET", location).body))["progress"] == 0)
+        seen = set()
+        until(lambda: seen.add(state_of(service, location)) or seen == {"accepted", "running"})
+        assert json.loads(bytes(asked(service, "DELETE", location).body))["status"] == "dismissed"
+    finally:
+        service.jobs.runner.stop(PATIENCE)
+
+
+def until(holds: Callable[[], bool]) -> None:
+    ends = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < ends, "it did not happen"
+        time.sleep(0.01)
 
 
 def test_a_worker_killed_in_the_middle_costs_nothing(

@@ -29,6 +29,7 @@ from lichen_client import (
     Pipeline,
     Results,
     Retries,
+    Scene,
     TimedOut,
     Unprocessable,
 )
@@ -136,6 +137,40 @@ def test_a_scene_is_rendered_and_explained(local: Client) -> None:
     assert local.explain_scene(SCENE)["nodes"]
     with pytest.raises(Unprocessable, match="mist"):
         local.render({**SCENE, "mist": 1})
+
+
+def test_a_scene_is_built_with_the_pictures_it_reads(local: Client) -> None:
+    sky = np.full((4, 8, 3), 0.5, np.float32)
+    scene = Scene(width=24, height=16, eye=(0, 1.5, 4), target=(0, 0.5, 0)).camera(fov=40)
+    scene.add("plane").add("sphere", centre=np.array([0, 0.7, 0]), radius=0.7, albedo=None)
+    scene.light("point", position=(3, 5, 2), intensity=30, shadow={"size": 32}).light("directional", intensity=0.2)
+    scene.environment(sky, reflectance=0.2).fog(density=0.02).ambient(0.1, 0.1, 0.1).background(0.2, 0.3, 0.4)
+    scene.surface("lambert").output("picture")
+    said = {
+        "camera": {"width": 24, "height": 16, "eye": [0, 1.5, 4], "target": [0, 0.5, 0], "fov": 40},
+        "objects": [{"shape": "plane"}, {"shape": "sphere", "centre": [0, 0.7, 0], "radius": 0.7}],
+        "lights": [
+            {"kind": "point", "position": [3, 5, 2], "intensity": 30, "shadow": {"size": 32}},
+            {"kind": "directional", "intensity": 0.2},
+        ],
+        "environment": {"image": "environment", "reflectance": 0.2},
+        "fog": {"density": 0.02},
+        "ambient": [0.1, 0.1, 0.1],
+        "background": [0.2, 0.3, 0.4],
+        "surface": {"model": "lambert"},
+        "output": "picture",
+    }
+    assert json.loads(json.dumps(scene.to_json())) == said
+    made = local.render(scene, device="numpy")
+    np.testing.assert_array_equal(made.array, local.render(said, images={"environment": sky}, device="numpy").array)
+    assert "fog" in {each["name"] for each in local.explain_scene(scene)["nodes"]}
+    assert "light 1" in str(scene)
+    assert "environment" in scene._repr_html_()
+    lit = Scene().buffers(depth=np.ones((4, 4, 1), np.float32), normal="sent").light(shadow={"map": sky[..., :1]})
+    assert lit.document["buffers"] == {"depth": "depth", "normal": "sent"}
+    assert set(lit.images) == {"depth", "shadow0"}
+    with pytest.raises(TypeError, match="depth is a picture"):
+        Scene().buffers(depth=3)
 
 
 def test_the_asynchronous_client_works_here_too(image: np.ndarray) -> None:

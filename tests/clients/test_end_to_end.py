@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import io
+import json
 import os
 import re
 import signal
@@ -21,6 +22,7 @@ import lichen
 from lichen.catalogue import operations
 from lichen.files import decode, encode
 from lichen.image import Image, Space, Storage
+from lichen_cli.main import main
 from lichen_client import AsyncClient, Client, NotFound, Retries, StatusError, Unprocessable
 
 START = 60.0
@@ -120,6 +122,40 @@ def test_scenes_are_rendered_and_explained(url: str, client: Client) -> None:
     }.items()
     with pytest.raises(Unprocessable):
         client.render({**scene, "camera": {"fov": 0}})
+
+
+def test_a_pipeline_on_files_is_the_same_here_and_there(
+    url: str, image: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    photo = tmp_path / "photo.npy"
+    np.save(photo, image)
+    graph = {
+        "nodes": {
+            "soft": {"operation": "gaussian", "parameters": {"sigma": 2}, "method": "fir"},
+            "sharp": {
+                "operation": "mix",
+                "parameters": {"amount": 1.5},
+                "inputs": {"image": "input.image", "base": "soft"},
+            },
+        },
+        "outputs": {"soft": {"node": "soft", "storage": "uint16"}, "sharp": {"node": "sharp", "format": "exr"}},
+    }
+    (tmp_path / "graph.json").write_text(json.dumps(graph))
+    for place, more in (("here", ["--device", "numpy"]), ("there", ["--device", "numpy", "--url", url])):
+        out = tmp_path / place
+        out.mkdir()
+        command = ["run", "--pipeline", "gaussian:sigma=2|levels:black=0.1", str(photo), str(out / "a.png"), *more]
+        assert main(command) == 0
+        assert "error at most" in capsys.readouterr().err
+        named = ["--output", f"soft={out}/soft.png", "--output", f"sharp={out}/sharp.exr", "--json", *more]
+        assert main(["run", "--pipeline", f"@{tmp_path}/graph.json", str(photo), *named]) == 0
+        assert set(json.loads(capsys.readouterr().out)["outputs"]) == {"soft", "sharp"}
+    for name in ("a.png", "soft.png", "sharp.exr"):
+        assert (tmp_path / "there" / name).read_bytes() == (tmp_path / "here" / name).read_bytes()
+    explain = ["run", "--pipeline", "gaussian:sigma=2", str(photo), "--explain", "--url", url]
+    assert main(explain) == 0
+    assert [each["name"] for each in json.loads(capsys.readouterr().out)["nodes"]] == ["gaussian"]
+    assert main(["run", "--pipeline", "gaussian:sigma=2", str(photo), "b.png", "--max-ms", "-1", "--url", url]) == 2
 
 
 def test_further_images_reach_their_inputs(client: Client) -> None:

@@ -13,8 +13,8 @@ import zarr
 
 import lichen
 from lichen.errors import InvalidRequest
-from lichen.files import decode
-from lichen.image import Image, Space, Storage
+from lichen.files import decode, encode
+from lichen.image import Alpha, Image, Space, Storage
 from lichen.opencl.device import default_device
 from lichen_batch import rasters, tiles
 from lichen_batch.tiles import Layout
@@ -110,6 +110,35 @@ def test_a_tiff_in_tiles_is_what_any_reader_reads(
     np.testing.assert_array_equal(stored, expected)
     if storage == "uint16":
         assert decode(target.read_bytes()).pixels.shape == scene.shape
+
+
+@pytest.mark.usefixtures("small_tiles")
+@pytest.mark.parametrize("storage", [Storage.FLOAT16, Storage.FLOAT32])
+@pytest.mark.parametrize("source", ["lines", "tiles"])
+def test_an_exr_in_tiles_is_what_the_whole_would_be(
+    storage: Storage, source: str, scene: np.ndarray, tmp_path: Path
+) -> None:
+    given, made = tmp_path / "given.exr", tmp_path / "made.exr"
+    pixels = np.dstack([scene, np.linspace(0, 1, scene.size // 3, dtype=np.float32).reshape(HEIGHT, WIDTH)])
+    image = Image(pixels, Space.LINEAR, Alpha.ASSOCIATED, storage)
+    given.write_bytes(bytes(encode(image, "exr").data))
+    if source == "tiles":
+        tiles.run(document("matrix"), {"image": str(given)}, str(made), wishes=NUMPY)
+        np.testing.assert_array_equal(decode(made.read_bytes()).pixels, decode(given.read_bytes()).pixels)
+        made.rename(given)
+    account = tiles.run(document("gaussian:sigma=3,method=fir"), {"image": str(given)}, str(made), wishes=NUMPY)
+    assert (account["tiles"], account["storage"]) == (2, storage)
+    found, whole = decode(made.read_bytes()), decode(given.read_bytes())
+    assert (found.space, found.alpha, found.storage) == (Space.LINEAR, Alpha.ASSOCIATED, storage)
+    expected = lichen.run("gaussian", whole, sigma=3, method="fir", device="numpy", storage=storage)
+    stored = bytes(encode(expected.image, "exr", storage=storage).data)
+    np.testing.assert_array_equal(found.pixels, decode(stored).pixels)
+    first = made.read_bytes()
+    tiles.run(document("gaussian:sigma=3,method=fir"), {"image": str(given)}, str(made), wishes=NUMPY)
+    assert made.read_bytes() == first, "the same picture is the same file"
+    with pytest.raises(InvalidRequest, match="storage"):
+        tiles.run(document("levels"), {"image": str(given)}, str(made), storage=Storage.UINT8, wishes=NUMPY)
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["given.exr", "made.exr"]
 
 
 def test_a_method_that_sums_over_all_it_is_given_stays_within_its_error(

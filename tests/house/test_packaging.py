@@ -13,6 +13,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 from packaging.requirements import Requirement
@@ -85,12 +86,13 @@ def undeclared(modules: Mapping[str, str], requirements: list[Requirement]) -> d
 
 
 def test_every_import_is_declared_and_every_dependency_imported(
-    root: Path, asked: Callable[..., list[Requirement]]
+    root: Path, asked: Callable[..., list[Requirement]], project: dict[str, Any]
 ) -> None:
+    extras = [Requirement(each) for extra in project["project"]["optional-dependencies"].values() for each in extra]
     modules = imported(root / folder / package for package, folder in ROOTS.items())
-    assert undeclared(modules, asked()) == {}
+    assert undeclared(modules, [*asked(), *extras]) == {}
     used = {name for module in modules for name in providers(module)}
-    assert [requirement for requirement in asked() if canonicalize_name(requirement.name) not in used] == []
+    assert [each for each in [*asked(), *extras] if canonicalize_name(each.name) not in used] == []
 
 
 def test_what_the_tests_import_is_declared_too(root: Path, asked: Callable[..., list[Requirement]]) -> None:

@@ -10,7 +10,7 @@ import pytest
 from lichen import catalogue
 from lichen.accuracy import times
 from lichen.calibration.sweep import backends
-from lichen_service import calibrating
+from lichen_service import calibrating, durable
 from lichen_service.app import Service
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.settings import InvalidSettings, Settings
@@ -58,11 +58,11 @@ def test_it_waits_while_a_request_is_answered(service: Service) -> None:
 
 @pytest.mark.usefixtures("few")
 def test_one_process_measures(service: Service, folder: Path) -> None:
-    (folder / "measuring").touch()
-    measured = Calibrating(service.readiness, service.traffic)
-    measured.start()
-    assert measured.done.wait(60)
-    assert [path.name for path in folder.iterdir()] == ["measuring"]
+    with durable.locked(folder / "measuring"):
+        measured = Calibrating(service.readiness, service.traffic)
+        measured.start()
+        assert measured.done.wait(60)
+        assert [path.name for path in folder.iterdir()] == ["measuring"]
 
 
 def test_requests_are_traffic(service: Service, settings: Settings, png: bytes) -> None:

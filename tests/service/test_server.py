@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import http.server
 import json
 import os
 import re
@@ -11,12 +12,15 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 import pytest
+from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
 
 from lichen.files import decode
 from lichen_cli.main import main
@@ -24,11 +28,12 @@ from lichen_cli.main import main
 from .conftest import form
 
 BLUR = "/v1/operations/gaussian"
+TRACE, PARENT = "4bf92f3577b34da6a3ce929d0e0e4736", "00f067aa0ba902b7"
 
 
 @contextmanager
 def served(**environment: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
-    """A server on a free port, ready to be asked; ended when left."""
+    """A server on a free port, ready to be asked; ended when left, and in order unless it was killed."""
     command = [sys.executable, "-m", "lichen_service", "--port", "0", "--workers", "1", "--threads", "2"]
     data = tempfile.mkdtemp(prefix="lichen-test-")
     process = subprocess.Popen(
@@ -46,8 +51,9 @@ def served(**environment: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
         wait_until_ready(port)
         yield process, port
     finally:
+        killed = process.poll() == -signal.SIGKILL
         process.terminate()
-        process.wait(30)
+        assert killed or process.wait(30) == 0
         process.stdout.close()
         shutil.rmtree(data, ignore_errors=True)
 
@@ -135,11 +141,11 @@ def test_refusals_leave_the_server_answering(port: int, png: bytes) -> None:
 def test_figures_add_up_what_was_answered(port: int, png: bytes) -> None:
     def count() -> float:
         text = ask(port, "GET", "/metrics")[2].decode()
-        lines = [line for line in text.splitlines() if line.startswith("lichen_runs_total{") and "gaussian" in line]
+        lines = [line for line in text.splitlines() if line.startswith("lichen_runs_total{") and "levels" in line]
         return sum(float(line.rpartition(" ")[2]) for line in lines)
 
-    before = count()
-    assert ask(port, "POST", f"{BLUR}?sigma=1", png)[0] == 200
+    before = count()  # of an operation that no other test runs: an answer is counted a moment after it has left
+    assert ask(port, "POST", "/v1/operations/levels?gamma=2", png)[0] == 200
     for _ in range(600):
         if count() == before + 1:
             break
@@ -156,15 +162,46 @@ def test_a_doctor_examines_a_running_service(port: int, capsys: pytest.CaptureFi
     assert json.loads(capsys.readouterr().out)["checks"][0]["works"] is False
 
 
-def test_numpy_serves_alone_and_the_process_ends_in_order(png: bytes) -> None:
-    with served(LICHEN_DEVICE="numpy") as (process, port):
-        status, headers, body = ask(port, "POST", f"{BLUR}?sigma=2&format=npy&storage=float32", png)
+@pytest.fixture
+def collector() -> Iterator[tuple[int, list[Any]]]:
+    """Something that speaks OTLP: its port, and the spans it has been sent."""
+    found: list[Any] = []
+
+    class Collector(http.server.BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            body = self.rfile.read(int(self.headers["Content-Length"]))
+            sent = ExportTraceServiceRequest.FromString(body)
+            found.extend(span for each in sent.resource_spans for scope in each.scope_spans for span in scope.spans)
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, *_: Any) -> None:
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Collector) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server.server_port, found
+        server.shutdown()
+
+
+def test_numpy_serves_alone_and_what_spans_were_not_sent_are_sent_at_the_end(
+    collector: tuple[int, list[Any]], png: bytes
+) -> None:
+    port, found = collector
+    traces = {"LICHEN_TRACES": "on", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT": f"http://127.0.0.1:{port}/v1/traces"}
+    header = {"traceparent": f"00-{TRACE}-{PARENT}-01"}
+    with served(LICHEN_DEVICE="numpy", **traces) as (process, own):
+        status, headers, body = ask(own, "POST", f"{BLUR}?sigma=2&format=npy&storage=float32", png, header)
         assert (status, headers["lichen-device"]) == (200, "numpy")
         assert np.isfinite(decode(body).pixels).all()
-        version = json.loads(ask(port, "GET", "/v1/version")[2])
+        version = json.loads(ask(own, "GET", "/v1/version")[2])
         assert version["opencl"]["available"] is False
         assert version["opencl"]["reason"]
-        refused = ask(port, "POST", f"{BLUR}?sigma=2&device=opencl", png)
+        refused = ask(own, "POST", f"{BLUR}?sigma=2&device=opencl", png)
         assert (refused[0], refused[1]["x-problem-code"]) == (503, "device-failure")
         process.send_signal(signal.SIGTERM)
         assert process.wait(30) == 0
+    mine = [each for each in found if each.trace_id.hex() == TRACE]
+    (request,) = (each for each in mine if each.parent_span_id.hex() == PARENT)
+    assert request.name == "POST /v1/operations/{name}"
+    assert {"queue", "decode", "kernel", "encode"} <= {each.name for each in mine}

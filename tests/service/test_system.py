@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import re
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+import jsonschema_rs
 import pytest
-from openapi_spec_validator import OpenAPIV31SpecValidator
+from openapi_spec_validator.schemas import schema_v31
 
 import lichen
 from lichen.files import FORMATS, encode
@@ -19,6 +22,8 @@ from lichen_service.settings import Settings
 
 from .conftest import Caller, form, pointers, problem_of, read_json
 
+OPENAPI = jsonschema_rs.validator_for(json.loads(json.dumps(schema_v31, default=dict)))
+"""The specification's own schema of a document, compiled: it takes 0.05 s, where the reference validator takes 10."""
 DOCUMENTS = (
     "/v1/operations",
     "/v1/operations/gaussian",
@@ -218,9 +223,46 @@ def test_every_operation_offers_an_example(operations: Mapping[str, Any]) -> Non
 # --------------------------------------------------------------------------------------------------------- openapi
 
 
+def flaws_of(document: dict[str, Any]) -> list[str]:
+    """What the specification has against a document, its schemas and what these refer to."""
+    found = [str(each) for each in OPENAPI.iter_errors(document)]
+    for value in everything(document):
+        if isinstance(schema := value.get("schema"), dict) and not jsonschema_rs.meta.is_valid(schema):
+            found.append(f"no schema: {schema}")
+        if isinstance(reference := value.get("$ref"), str) and not resolves(document, reference):
+            found.append(f"{reference} is nowhere")
+    for path, methods in document["paths"].items():
+        inside = set(re.findall(r"\{(\w+)\}", path))
+        for method in ("get", "post", "put", "delete"):
+            said = [*methods.get("parameters", ()), *methods.get(method, {}).get("parameters", ())]
+            if method in methods and inside != {each["name"] for each in said if each.get("in") == "path"}:
+                found.append(f"{method} {path} does not say what its names are")
+    return found
+
+
+def everything(value: Any) -> Iterator[dict[str, Any]]:
+    """All objects within a document."""
+    if isinstance(value, dict):
+        yield value
+    for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        yield from everything(each)
+
+
+def resolves(document: dict[str, Any], reference: str) -> bool:
+    at: Any = document
+    for step in reference.removeprefix("#/").split("/"):
+        at = at.get(step.replace("~1", "/").replace("~0", "~")) if isinstance(at, dict) else None
+    return at is not None
+
+
 def test_the_openapi_document_is_valid_and_whole(call: Caller, operations: Mapping[str, Any]) -> None:
     document = read_json(call("GET", "/openapi.json"))
-    OpenAPIV31SpecValidator(document).validate()
+    assert flaws_of(document) == []
+    assert flaws_of({**document, "info": {}})
+    broken: dict[str, Any] = {"get": {"parameters": [{"name": "a", "in": "query", "schema": {"type": "what"}}]}}
+    broken["get"]["responses"] = {"default": {"description": "anything"}}
+    assert [each[:9] for each in flaws_of({**document, "paths": {"/a": broken}})] == ["no schema"]
+    assert flaws_of({**document, "paths": {"/a": {"$ref": "#/components/nothing"}}})
     for name, operation in operations.items():
         path = document["paths"][f"/v1/operations/{name}"]
         posted = path["post"]

@@ -1,4 +1,4 @@
-"""Images that are read and written in parts: TIFF and Zarr version 3.
+"""Images that are read and written in parts: TIFF, OpenEXR and Zarr version 3.
 
 A TIFF says what its numbers mean as every TIFF does: integers are display-referred, floats linear, an extra sample may
 be coverage. A Zarr array of shape (height, width) or (height, width, channels) says so in its attributes `space` and
@@ -19,6 +19,7 @@ import numpy as np
 from lichen.errors import Flaw, InvalidRequest, UnsupportedFormat
 from lichen.image import Alpha, Space, Storage
 from lichen.memory import Array
+from lichen_batch import exr
 
 TIFF_TILE = 256
 """Pixels; side of the tiles of a TIFF."""
@@ -51,10 +52,22 @@ def is_tiff(path: str) -> bool:
     return Path(path).suffix.lower() in (".tif", ".tiff")
 
 
+def is_exr(path: str) -> bool:
+    return Path(path).suffix.lower() == ".exr"
+
+
+def in_bands(path: str) -> bool:
+    """Whether a file of this name is written from top to bottom, rather than tile by tile in any order."""
+    return is_tiff(path) or is_exr(path)
+
+
 def open_raster(path: str, *, space: Space | None = None) -> Raster:
     """Raises `UnsupportedFormat` for what is neither, OSError where nothing is there."""
     if not Path(path).exists():
         raise FileNotFoundError(2, "No such file or directory", path)
+    if is_exr(path):
+        parts = exr.Parts(path)
+        return Raster(parts, space or parts.header.space, parts.header.alpha, parts.header.storage)
     return _open_tiff(path, space) if is_tiff(path) else _open_zarr(path, space)
 
 
@@ -123,6 +136,15 @@ def zarr_target(path: str, shape: tuple[int, int, int], tile: tuple[int, int], r
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         raise
+
+
+def write_bands(path: str, shape: tuple[int, int, int], raster: Raster, bands: Iterator[Array]) -> None:
+    """A tiled file of the format that its suffix names, from bands of its rows whose heights are multiples of the side
+    of its tiles but for the last."""
+    if is_exr(path):
+        exr.write(path, shape, raster.space, raster.alpha, raster.storage, bands)
+    else:
+        write_tiff(path, shape, raster, bands)
 
 
 def write_tiff(path: str, shape: tuple[int, int, int], raster: Raster, bands: Iterator[Array]) -> None:

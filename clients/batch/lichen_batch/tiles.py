@@ -19,8 +19,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import threading
+from collections import deque
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -42,6 +45,8 @@ from lichen_batch.rasters import Raster
 
 SMALLEST, LARGEST = 256, 8192
 """Pixels; side of a tile."""
+WAITING = 60.0
+"""Seconds until a cluster that is not there is given up."""
 FIXED = 450 << 20
 """Bytes that a process holds beside tiles: libraries, compiled kernels, files in transit."""
 
@@ -264,33 +269,40 @@ def run(
     workers: int = 2,
     storage: Storage | None = None,
     wishes: Mapping[str, Any] | None = None,
+    engine: str = "local",
 ) -> dict[str, Any]:
-    """Computes a pipeline of one output into a TIFF or a Zarr array; returns an account.
+    """Computes a pipeline of one output into a TIFF, an EXR or a Zarr array; returns an account.
 
-    `memory` is what the process may hold. Raises `InvalidRequest` for what cannot be computed in tiles.
+    `memory` is what the process may hold; with `engine` dask://HOST:PORT, each of that cluster's. Raises
+    `InvalidRequest` for what cannot be computed in tiles, OSError where there is no cluster.
     """
-    import dask
     import dask.array as da
+
+    inputs = {name: _absolute(place) for name, place in inputs.items()}
+    output = _absolute(output)
 
     raster = {name: rasters.open_raster(place) for name, place in inputs.items()}
     kept = storage or next(iter(raster.values())).storage
     wanted = {"storage": kept, **(wishes or {})}
     said = json.dumps(pipeline), tuple(inputs.items()), tuple(wanted.items())
-    with dask.config.set(scheduler="threads", num_workers=workers):
+    with _scheduler(engine, workers) as hands:
+        workers = hands.threads
         planned(Task(*said, tuple((name, Extent(0.0, 1.0, 0)) for name in inputs))).reach  # noqa: B018  (refused early)
         side = min(LARGEST, max(SMALLEST, int(((memory - FIXED) / (workers + 1) / 40) ** 0.5) // 256 * 256))
         task = Task(*said, tuple((name, extent_of(place, side)) for name, place in inputs.items()))
         made = planned(task)
         if len(made.plan.graph.outputs) != 1:
             raise InvalidRequest("Tiles make one picture.", [Flaw("/outputs", "are several")])
-        bands = rasters.is_tiff(output)
-        layout = layout_for(made, memory, 1 if bands else workers, bands=bands)
+        bands = rasters.in_bands(output)
+        layout = layout_for(made, memory, 1 if bands and hands.client is None else workers, bands=bands)
         facts = made.result
         target = Raster(None, facts.space, facts.alpha, kept)
         if bands:
             count = len(_parts(facts.height, layout.tile[0]))
             rows: Iterator[Array] = (made.compute(layout, row, 0, kept) for row in range(count))
-            rasters.write_tiff(output, layout.shape, target, rows)
+            if hands.client is not None:
+                rows = hands.rows(task, layout, kept, count)
+            rasters.write_bands(output, layout.shape, target, rows)
         else:
             blocks = da.map_blocks(
                 _block,
@@ -316,6 +328,57 @@ def run(
         "shape": layout.shape,
         "storage": kept,
     }
+
+
+@dataclass(frozen=True)
+class _Hands:
+    """Who computes tiles: threads of this process, or those of a cluster's workers."""
+
+    threads: int
+    """of one process"""
+    client: Any = None
+    ahead: int = 2
+    """bands that are computed or wait to be written"""
+
+    def rows(self, task: Task, layout: Layout, storage: Storage, count: int) -> Iterator[Array]:
+        """All bands from top to bottom, computed by workers, few of them ahead of the one that is written."""
+        waiting: deque[Any] = deque()
+        for row in range(count):
+            waiting.append(self.client.submit(_band, task, layout, row, storage, pure=False))
+            if len(waiting) > self.ahead:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+
+
+def _band(task: Task, layout: Layout, row: int, storage: Storage) -> Array:
+    return planned(task).compute(layout, row, 0, storage)
+
+
+@contextmanager
+def _scheduler(engine: str, workers: int) -> Iterator[_Hands]:
+    import dask
+
+    if engine == "local":
+        with dask.config.set(scheduler="threads", num_workers=workers):
+            yield _Hands(workers)
+        return
+    if not engine.startswith("dask://"):
+        raise InvalidRequest(
+            "The engine is not known.", [Flaw("/engine", f"{engine!r} is none; local, dask://HOST:PORT")]
+        )
+    from distributed import Client
+
+    with Client(f"tcp://{engine.removeprefix('dask://')}", timeout=WAITING, set_as_default=False) as client:
+        client.wait_for_workers(1, timeout=WAITING)
+        threads = list(client.nthreads().values())
+        with client.as_current(), dask.config.set(scheduler=client):
+            yield _Hands(max(threads), client, 2 * sum(threads))
+
+
+def _absolute(place: str) -> str:
+    """A place as other processes see it."""
+    return place if "://" in place else os.path.abspath(place)
 
 
 def _rounded(length: int) -> int:

@@ -30,11 +30,13 @@ def main(arguments: Sequence[str]) -> int:
     from lichen.errors import Flaw, InvalidRequest
     from lichen.files import decode, encode
     from lichen.planning.pipeline import nodes_of, read
+    from lichen_cli import remote
     from lichen_cli.options import joined
     from lichen_service import queries
 
     parser = _parser()
-    given = vars(parser.parse_intermixed_args(joined(arguments, parser)))
+    url, rest = remote.taken(arguments)
+    given = vars(parser.parse_intermixed_args(joined(rest, parser)))
     text, paths, as_json = given.pop("pipeline"), given.pop("files"), given.pop("json")
     sources, targets = _named(given.pop("input"), "input"), _named(given.pop("output"), "output")
     pairs = tuple((name, str(value).lower() if isinstance(value, bool) else value) for name, value in given.items())
@@ -51,6 +53,10 @@ def main(arguments: Sequence[str]) -> int:
     missing = [name for name in pipeline.inputs if name not in sources]
     if missing:
         raise InvalidRequest("A picture is missing.", [Flaw(f"/inputs/{name}", "is required") for name in missing])
+    if url is not None:
+        wishes = {name: value for name, value in pairs if name not in ("explain", "format")}
+        ask = remote.Ask(_document(pipeline, targets, options.format), wishes, options.explain, as_json)
+        return remote.run_pipeline(url, ask, {name: sources[name] for name in pipeline.inputs}, targets)
     started = time.perf_counter()
     data = {name: files.read(path) for name, path in sources.items()}
     images = {name: decode(each) for name, each in data.items()}
@@ -93,7 +99,21 @@ def _parser() -> Parser:
     parser.add_argument("--output", action="append", default=[], metavar="NAME=FILE", help="where an output goes")
     add_wishes(parser.add_argument_group("how to compute and to store"), {"method"})
     parser.add_argument("--json", action="store_true", default=False, help="print the report as JSON")
+    parser.add_argument("--url", metavar="URL", help="let a service compute")  # taken off before the rest is read
     return parser
+
+
+def _document(pipeline: Pipeline, targets: Mapping[str, str], format: str | None) -> dict[str, Any]:
+    """The pipeline as a service reads it, with the formats that the names of files say where nothing else does."""
+
+    def said(value: Any) -> dict[str, Any]:
+        return {name: each for name, each in dataclasses.asdict(value).items() if each not in (None, {})}
+
+    outputs = {name: said(each) for name, each in pipeline.outputs.items()}
+    for name, path in targets.items():
+        if "format" not in outputs[name]:
+            outputs[name]["format"] = format or (files.format_of(path) if path != "-" else "png")
+    return {"nodes": {name: said(step) for name, step in pipeline.steps.items()}, "outputs": outputs}
 
 
 def _named(given: Sequence[str], option: str) -> dict[str, str]:

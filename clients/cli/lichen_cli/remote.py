@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from lichen_cli import files
@@ -58,6 +59,44 @@ def run(url: str, operation: str, given: Given) -> int:
     return 0
 
 
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """A pipeline, and what is asked beside it."""
+
+    pipeline: Mapping[str, Any]
+    wishes: Mapping[str, Any]
+    explain: bool
+    json: bool
+
+
+def run_pipeline(url: str, ask: Ask, sources: Mapping[str, str], targets: Mapping[str, str]) -> int:
+    """A pipeline on files, by the names of its inputs and outputs."""
+    from lichen_client import Client, LichenClientError
+
+    if ask.json and "-" in targets.values():
+        raise Usage("standard output can hold the picture or, with --json, the report, not both")
+    began = time.perf_counter()
+    images = {name: files.read(path) for name, path in sources.items()}
+    try:
+        with Client(url) as client:
+            if ask.explain:
+                files.print_json(client.explain_pipeline(ask.pipeline, images=images, **ask.wishes))
+                return 0
+            results = client.run_pipeline(ask.pipeline, images=images, **ask.wishes)
+    except LichenClientError as wrong:
+        return _told(wrong)
+    for name, path in targets.items():
+        files.write(path, results[name].content)
+    seconds = time.perf_counter() - began
+    if ask.json:
+        outputs = {name: _account(results[name], path) for name, path in targets.items()}
+        files.print_json({"outputs": outputs, "findings": results.findings, "seconds": {"whole": seconds}})
+        return 0
+    for name in targets:
+        _say(results[name], seconds, "" if len(targets) == 1 else f"{name}: ")
+    return 0
+
+
 def _own(images: Mapping[str, bytes]) -> str:
     """The format that a result goes to standard output in: that of the first picture."""
     from lichen.files import recognise
@@ -66,15 +105,27 @@ def _own(images: Mapping[str, bytes]) -> str:
 
 
 def _report(result: Result, given: Given, seconds: float) -> None:
+    if not given.json:
+        _say(result, seconds)
+        return
+    told = _account(result, given.output)
+    output = {"path": told.pop("path"), "media_type": told.pop("media_type")}
+    more = {"findings": result.findings, "seconds": {**result.report.timing, "whole": seconds}}
+    files.print_json({**told, **more, "skipped": result.report.skipped, "output": output})
+
+
+def _account(result: Result, path: str | None) -> dict[str, Any]:
     report = result.report
     error = None if report.error is None else {"value": report.error.value, "kind": report.error.kind}
-    if given.json:
-        told = {"method": report.method, "device": report.device, "error": error, "nonfinite": report.nonfinite}
-        more = {"findings": result.findings, "seconds": {**report.timing, "whole": seconds}, "skipped": report.skipped}
-        files.print_json({**told, **more, "output": {"path": given.output, "media_type": result.media_type}})
-        return
+    told = {"method": report.method, "device": report.device, "error": error, "nonfinite": report.nonfinite}
+    return {**told, "path": path, "media_type": result.media_type}
+
+
+def _say(result: Result, seconds: float, before: str = "") -> None:
+    report = result.report
     stated = f", error at most {report.error.value:.3g} ({report.error.kind})" if report.error else ""
-    print(f"{report.method} on {report.device}{stated} ({seconds * 1e3:.1f} ms with the way there)", file=sys.stderr)
+    way = f"({seconds * 1e3:.1f} ms with the way there)"
+    print(f"{before}{report.method} on {report.device}{stated} {way}", file=sys.stderr)
 
 
 def _told(wrong: Exception) -> int:

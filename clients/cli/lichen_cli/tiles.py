@@ -16,11 +16,13 @@ _WISHES = ("max_error", "max_ms", "device", "nonfinite", "space", "alpha", "stor
 def main(arguments: Sequence[str]) -> int:
     parser = Parser(
         prog="lichen batch tiles",
-        description="Computes an image larger than memory in tiles: from TIFF or Zarr to TIFF or Zarr (version 3).",
+        description="Computes an image larger than memory in tiles: TIFF, OpenEXR or Zarr (version 3) in and out.",
         allow_abbrev=False,
     )
-    parser.add_argument("input", help="a TIFF, best in tiles, or a Zarr array; what the pipeline calls input.image")
-    parser.add_argument("output", help="a TIFF (.tif), written in tiles, or a Zarr array (.zarr)")
+    parser.add_argument(
+        "input", help="a TIFF or EXR, best in tiles, or a Zarr array; what the pipeline calls input.image"
+    )
+    parser.add_argument("output", help="a TIFF (.tif) or EXR (.exr), written in tiles, or a Zarr array")
     parser.add_argument("--operation", metavar="NAME")
     parser.add_argument("--pipeline", metavar="TEXT", help="a pipeline of one output")
     parser.add_argument(
@@ -28,6 +30,7 @@ def main(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("--input", dest="further", action="append", default=[], metavar="NAME=PLACE")
     parser.add_argument("--memory", default="2GiB", metavar="SIZE", help="what the process may hold (2GiB)")
+    parser.add_argument("--engine", default="local", metavar="ENGINE", help="local, or a cluster: dask://HOST:PORT")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="tiles at a time (2)")
     given = parser.parse_args(arguments)
     values, further = _pairs(given.set, "set"), _pairs(given.further, "input")
@@ -53,6 +56,7 @@ def main(arguments: Sequence[str]) -> int:
         workers=given.workers,
         storage=_storage(wishes),
         wishes=wishes,
+        engine=given.engine,
     )
     print(json.dumps({**account, "seconds": round(time.perf_counter() - began, 3), "peak_bytes": _peak()}))
     return 0

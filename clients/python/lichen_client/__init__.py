@@ -34,6 +34,7 @@ from lichen_client.jobs import Dismissed
 from lichen_client.pipeline import Pipeline
 from lichen_client.results import Error, Measured, Report, Result, Results
 from lichen_client.retry import Retries
+from lichen_client.scene import Scene
 from lichen_client.version import __version__
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ __all__ = [
     "Result",
     "Results",
     "Retries",
+    "Scene",
     "ServerError",
     "StatusError",
     "TimedOut",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lichen_client.calls import ImageLike
     from lichen_client.jobs import Progress, State
     from lichen_client.pipeline import Pipeline
+    from lichen_client.scene import Scene
 
 
 class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
@@ -109,7 +110,7 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
 
     async def render(
         self,
-        scene: Mapping[str, Any] | str,
+        scene: Scene | Mapping[str, Any] | str,
         /,
         *,
         images: Mapping[str, ImageLike] | None = None,
@@ -117,14 +118,12 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         **wishes: Any,
     ) -> Result:
         """As `Client.render`."""
-        call = await asyncio.to_thread(
-            calls.pipeline_call, scene, None, images, wishes, format=format or "npy", kind="scene"
-        )
+        call = await asyncio.to_thread(calls.scene_call, scene, images, wishes, format=format)
         return calls.read_result(await self._converse(call))
 
     async def explain_scene(
         self,
-        scene: Mapping[str, Any] | str,
+        scene: Scene | Mapping[str, Any] | str,
         /,
         *,
         images: Mapping[str, ImageLike] | None = None,
@@ -132,9 +131,7 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         **wishes: Any,
     ) -> dict[str, Any]:
         """As `Client.explain_scene`."""
-        call = await asyncio.to_thread(
-            calls.pipeline_call, scene, None, images, wishes, format=format, explain=True, kind="scene"
-        )
+        call = await asyncio.to_thread(calls.scene_call, scene, images, wishes, format=format, explain=True)
         return await self._document(call)
 
     async def submit(
@@ -163,6 +160,19 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
     ) -> AsyncJob:
         """As `Client.submit_pipeline`."""
         call = await asyncio.to_thread(calls.pipeline_call, pipeline, image, images, wishes, format=format)
+        return AsyncJob(self, str((await self._document(calls.as_job(call)))["id"]))
+
+    async def submit_scene(
+        self,
+        scene: Scene | Mapping[str, Any] | str,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> AsyncJob:
+        """As `Client.submit_scene`."""
+        call = await asyncio.to_thread(calls.scene_call, scene, images, wishes, format=format)
         return AsyncJob(self, str((await self._document(calls.as_job(call)))["id"]))
 
     def job(self, id: str) -> AsyncJob:

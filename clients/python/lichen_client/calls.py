@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from PIL import Image as Pillow
 
+    from lichen_client.scene import Scene
+
     ImageLike: TypeAlias = (
         "npt.ArrayLike | str | os.PathLike[str] | bytes | bytearray | memoryview | Pillow.Image | Asset | None"
     )
@@ -130,7 +132,7 @@ def run_call(
     accept: str = f"{MIXED}, */*;q=0.9",
 ) -> Call:
     """The request that runs (or only explains) an operation."""
-    found = {name: value for name, value in values.items() if _is_image(value)}
+    found = {name: value for name, value in values.items() if is_image(value)}
     parameters = {name: as_text(value) for name, value in values.items() if name not in found and value is not None}
     given = _together(image, {**(images or {}), **found})
     parts, kept = _sent(given, FIRST_INPUTS.get(operation, _FIRST))
@@ -145,7 +147,7 @@ def run_call(
 
 
 def pipeline_call(
-    pipeline: Pipeline | Mapping[str, Any] | str,
+    pipeline: Pipeline | Scene | Mapping[str, Any] | str,
     image: Any,
     images: Mapping[str, Any] | None,
     wishes: Mapping[str, Any],
@@ -167,6 +169,21 @@ def pipeline_call(
         parts=parts,
         accept="application/json" if explain else f"{MIXED}, {_form_of(format)};q=0.9",
     )
+
+
+def scene_call(
+    scene: Scene | Mapping[str, Any] | str,
+    images: Mapping[str, Any] | None,
+    wishes: Mapping[str, Any],
+    *,
+    format: str | None,
+    explain: bool = False,
+) -> Call:
+    """The request that renders (or only explains) a scene, with the pictures it brings along."""
+    own = getattr(scene, "images", {}) if not isinstance(scene, Mapping | str) else {}
+    given = {**own, **(images or {})}
+    wanted = format if explain else format or "npy"
+    return pipeline_call(scene, None, given, wishes, format=wanted, explain=explain, kind="scene")
 
 
 def _form_of(format: str | None) -> str:
@@ -272,7 +289,7 @@ def _sent(images: Mapping[str, Any], first: str) -> tuple[tuple[Part, ...], dict
     return parts, {first if name == _FIRST else name: id for name, id in kept.items()}
 
 
-def _is_image(value: Any) -> bool:
+def is_image(value: Any) -> bool:
     """Whether a keyword's value is an image rather than a parameter. Works without importing NumPy."""
     if isinstance(value, bytes | bytearray | memoryview | os.PathLike | Asset) or _is_pillow(value):
         return True

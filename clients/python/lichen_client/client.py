@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from lichen_client.calls import ImageLike
     from lichen_client.jobs import Progress, State
     from lichen_client.pipeline import Pipeline
+    from lichen_client.scene import Scene
 
 
 class Client(Transport, Operations[Result]):
@@ -129,20 +130,20 @@ class Client(Transport, Operations[Result]):
 
     def render(
         self,
-        scene: Mapping[str, Any] | str,
+        scene: Scene | Mapping[str, Any] | str,
         /,
         *,
         images: Mapping[str, ImageLike] | None = None,
         format: str | None = None,
         **wishes: Any,
     ) -> Result:
-        """The picture of a scene, a mapping or its JSON, with the buffers it names in `images`. Raises as `run`."""
-        call = calls.pipeline_call(scene, None, images, wishes, format=format or "npy", kind="scene")
+        """The picture of a scene (`Scene`, mapping or JSON), with the buffers it names in `images`. Raises as `run`."""
+        call = calls.scene_call(scene, images, wishes, format=format)
         return calls.read_result(self._converse(call))
 
     def explain_scene(
         self,
-        scene: Mapping[str, Any] | str,
+        scene: Scene | Mapping[str, Any] | str,
         /,
         *,
         images: Mapping[str, ImageLike] | None = None,
@@ -150,7 +151,7 @@ class Client(Transport, Operations[Result]):
         **wishes: Any,
     ) -> dict[str, Any]:
         """Which effects of a scene would run, and why the others would not; no pixel is computed."""
-        call = calls.pipeline_call(scene, None, images, wishes, format=format, explain=True, kind="scene")
+        call = calls.scene_call(scene, images, wishes, format=format, explain=True)
         return self._document(call)
 
     # ------------------------------------------------------------------------------------------- jobs and stored images
@@ -180,6 +181,18 @@ class Client(Transport, Operations[Result]):
     ) -> Job:
         """Asks for what `run_pipeline` would give and does not wait for it."""
         return self._submitted(calls.pipeline_call(pipeline, image, images, wishes, format=format))
+
+    def submit_scene(
+        self,
+        scene: Scene | Mapping[str, Any] | str,
+        /,
+        *,
+        images: Mapping[str, ImageLike] | None = None,
+        format: str | None = None,
+        **wishes: Any,
+    ) -> Job:
+        """Asks for what `render` would give and does not wait for it."""
+        return self._submitted(calls.scene_call(scene, images, wishes, format=format))
 
     def job(self, id: str) -> Job:
         """A job by its id, as another process may have made it."""

@@ -17,9 +17,12 @@ import html
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lichen_client.values import plain
+
+if TYPE_CHECKING:
+    from lichen_client.scene import Scene
 
 _PREFIX = "input."
 _WIDE, _HIGH, _ACROSS, _DOWN = 150, 40, 190, 64
@@ -191,9 +194,9 @@ def _line(start: tuple[int, int], end: tuple[int, int]) -> str:
     return f'<path d="M{x1} {y1}C{middle} {y1} {middle} {y2} {x2} {y2}"/>'
 
 
-def document_of(pipeline: Pipeline | Mapping[str, Any] | str) -> str:
-    """The pipeline as the service reads it: JSON, or its text form as it is."""
+def document_of(pipeline: Pipeline | Scene | Mapping[str, Any] | str) -> str:
+    """A pipeline or a scene as the service reads it: JSON, or its text form as it is."""
     if isinstance(pipeline, str):
         return pipeline
-    said = pipeline.to_json() if isinstance(pipeline, Pipeline) else pipeline
+    said = pipeline if isinstance(pipeline, Mapping) else pipeline.to_json()
     return json.dumps(said, separators=(",", ":"), default=plain)

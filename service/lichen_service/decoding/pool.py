@@ -1,17 +1,20 @@
 """A few decoders that stand ready, each used by one request at a time.
 
 Whatever happens to a decoder costs the request that it happened to, and nothing else: its socket ends, the request is
-answered that its image cannot be decoded, and a new decoder starts beside the others. A decoder that takes too
-long is killed. After `USES` images each is replaced, so that what a codec leaks stays bounded.
+answered that its image cannot be decoded, and a new decoder starts beside the others. One that was killed from outside
+(`kill -9`, the system's own killer) costs not even that: another tries, once. A decoder that takes too long is killed.
+After `USES` images each is replaced, so that what a codec leaks stays bounded.
 
 NPY is decoded here: our own reader parses its header, and the rest is a copy of checked length.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import queue
+import signal
 import socket
 import subprocess
 import sys
@@ -41,8 +44,15 @@ HERE = frozenset(("npy",))
 _ENVIRONMENT = {"OPENCV_FOR_THREADS_NUM": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"}
 
 
+UNABLE = "The image cannot be decoded: what decodes it failed, or took too long."
+
+
 class Died(Exception):
     """The decoder ended, or was ended, before it answered."""
+
+
+class Killed(Exception):
+    """The decoder was killed by somebody else, which need not be the fault of its image."""
 
 
 @dataclass(eq=False)
@@ -74,6 +84,12 @@ class Decoder:
             for each in descriptors:
                 os.close(each)
         return messages.samples_of(said, memory)
+
+    def status(self) -> int | None:
+        """How its process ended, if it does; None for one that goes on."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return self.process.wait(0.2)
+        return None
 
     def end(self) -> None:
         self.socket.close()
@@ -115,23 +131,36 @@ class Decoders:
         header = format.read_header(memoryview(data).cast("B"))
         header.check(limits)
         deadline = time.monotonic() + self._seconds
+        try:
+            samples = self._ask(data, deadline)
+        except Killed:  # by somebody else, most likely, so the image has another chance
+            try:
+                samples = self._ask(data, deadline)
+            except Killed:
+                raise UnreadableImage(UNABLE) from None
+        return assembled(header, samples)
+
+    def _ask(self, data: Data, deadline: float) -> Any:
+        """The samples, from one decoder. Raises `Killed`, or what is wrong with the image."""
         decoder = self._take(deadline)
-        asked = {"seconds": self._seconds}
         whole = False
         try:
-            samples = decoder.ask(data, asked, deadline - time.monotonic())
+            samples = decoder.ask(data, {"seconds": self._seconds}, deadline - time.monotonic())
             whole = True
         except Died as died:
             self.died += 1
             self.on_death()
-            log.error("a decoder ended on an image", reason=str(died), status=decoder.process.poll())
-            raise UnreadableImage("The image cannot be decoded: what decodes it failed, or took too long.") from None
+            status = decoder.status()
+            log.error("a decoder ended on an image", reason=str(died), status=status)
+            if status == -signal.SIGKILL:
+                raise Killed from None
+            raise UnreadableImage(UNABLE) from None
         except Exception:
             whole = True
             raise
         finally:
             self._give_back(decoder, whole)
-        return assembled(header, samples)
+        return samples
 
     def end(self) -> None:
         """Ends all decoders."""

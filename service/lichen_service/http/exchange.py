@@ -18,7 +18,7 @@ from lichen_service.http.target import BadTarget, split_target
 
 _MILLISECONDS = re.compile(r"[1-9][0-9]{0,8}")
 # W3C Trace Context: version, trace, parent, flags; neither of the two in the middle may be all zeros.
-_TRACE = re.compile(r"(?!ff)[0-9a-f]{2}-(?!0{32})([0-9a-f]{32})-(?!0{16})([0-9a-f]{16})-[0-9a-f]{2}")
+_TRACE = re.compile(r"(?!ff)[0-9a-f]{2}-(?!0{32})([0-9a-f]{32})-(?!0{16})([0-9a-f]{16})-([0-9a-f]{2})")
 _OWN_PAGES = 256 * 1024
 
 
@@ -155,8 +155,9 @@ class Exchange:
         if query:
             line["query"] = shown_query(query)
         if isinstance(self.head, Head) and (trace := _TRACE.fullmatch(self.head.headers.get("traceparent", ""))):
-            line |= {"trace_id": trace[1], "parent_id": trace[2]}
+            line |= {"trace_id": trace[1], "parent_id": trace[2], "trace_flags": trace[3]}
         if self.work_started:
+            line["receive_ms"] = _milliseconds(self.started, self.queued)
             line["queue_ms"] = _milliseconds(self.queued, self.work_started)
             line["work_ms"] = _milliseconds(self.work_started, self.work_ended)
         return {**self.fields, **line}

@@ -49,34 +49,46 @@ def choose_request_id(offered: str | None) -> str:
     return offered if offered is not None and _REQUEST_ID.fullmatch(offered) else secrets.token_hex(16)
 
 
-def finish(response: Response, *, request_id: str, method: str, keep_alive: bool) -> Wire:
-    """Complete, check and encode an answer; raises `BadResponse`."""
+def completed(response: Response, request_id: str) -> dict[str, str]:
+    """The headers of an answer that do not depend on its connection, checked; raises `BadResponse`."""
     status = response.status
     if not 200 <= status <= 599:
         raise BadResponse(f"{status} is not the status of a final answer")
     names = {name.lower() for name in response.headers}
     if len(names) != len(response.headers):
         raise BadResponse("a header is given twice, in different case")
-    headers = {"Date": formatdate(usegmt=True), "X-Request-ID": request_id, "X-Content-Type-Options": "nosniff"}
-    headers |= {name: value for name, value in response.headers.items() if name.lower() not in _OURS}
     required = _REQUIRED.get(status)
     if required is not None and required not in names:
         raise BadResponse(f"{status} requires the header {required}")
+    headers = {"X-Request-ID": request_id, "X-Content-Type-Options": "nosniff"}
+    headers |= {name: value for name, value in response.headers.items() if name.lower() not in _OURS}
+    for name, value in headers.items():
+        _check(name, value)
+    return headers
+
+
+def finish(response: Response, *, request_id: str, method: str, keep_alive: bool) -> Wire:
+    """Complete, check and encode an answer; raises `BadResponse`."""
+    status = response.status
+    headers = {"Date": formatdate(usegmt=True), **completed(response, request_id)}
     bodiless = status in (204, 304)
     if response.stream is not None:
         keep_alive = False  # the end of the connection is that of the body
     elif not bodiless:
         headers["Content-Length"] = str(memoryview(response.body).nbytes)
     headers["Connection"] = "keep-alive" if keep_alive else "close"
-    lines = [f"HTTP/1.1 {status} {_PHRASES.get(status, '')}"]
-    lines += [_line(name, value) for name, value in headers.items()]
+    lines = [f"HTTP/1.1 {status} {phrase(status)}", *(f"{name}: {value}" for name, value in headers.items())]
     head = "\r\n".join([*lines, "", ""]).encode("latin-1")
     return Wire(head, b"" if bodiless or method == "HEAD" else response.body)
 
 
-def _line(name: str, value: str) -> str:
+def phrase(status: int) -> str:
+    """What stands beside a status."""
+    return _PHRASES.get(status, "")
+
+
+def _check(name: str, value: str) -> None:
     if not _NAME.fullmatch(name):
         raise BadResponse(f"{name!r} is not the name of a header")
     if not _VALUE.fullmatch(value):
         raise BadResponse(f"the value of {name} holds a line end, a control character or a character outside Latin-1")
-    return f"{name}: {value}"

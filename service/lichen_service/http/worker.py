@@ -5,10 +5,15 @@
 Standard input holds the pickled name of the application's maker and the settings, written by the supervisor. READY
 gets one byte once requests can be answered. LIFELINE is readable only when the supervisor has died; the worker then
 ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to standard error.
+
+The process ends without tearing the interpreter down: threads that compute (a warm-up, a calibration, a job that will
+wait again) may be inside a library, and one that comes back from C++ to an interpreter that is going is aborted, and
+the process with it.
 """
 
 from __future__ import annotations
 
+import atexit
 import faulthandler
 import importlib
 import os
@@ -16,7 +21,7 @@ import pickle
 import signal
 import socket
 import sys
-from typing import cast
+from typing import NoReturn, cast
 
 from lichen_service.http.limits import WireSettings
 from lichen_service.http.loop import Loop
@@ -27,7 +32,7 @@ SWITCH_INTERVAL = 0.001
 """seconds; the loop thread asks for the interpreter often and briefly, and the default of 5 ms would be its latency"""
 
 
-def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> int:
+def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR1, all_threads=True)
     sys.setswitchinterval(SWITCH_INTERVAL)
@@ -40,10 +45,11 @@ def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> int:
         os.write(ready_fd, b"\1")
         os.close(ready_fd)
         drained = loop.run()
+    if drained:
+        atexit._run_exitfuncs()
+    sys.stdout.flush()
     sys.stderr.flush()
-    if not drained:
-        os._exit(1)  # a kernel that does not end would keep the interpreter from ending in order
-    return 0
+    os._exit(0 if drained else 1)
 
 
 def make(maker: str) -> Application:
@@ -58,4 +64,4 @@ def _orphaned(loop: Loop, lifeline_fd: int) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(run(*map(int, sys.argv[1:])))
+    run(*map(int, sys.argv[1:]))

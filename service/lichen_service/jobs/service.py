@@ -6,8 +6,6 @@ from collections.abc import Callable
 
 from lichen_service import strict_json
 from lichen_service.assets import Assets
-from lichen_service.descriptions import path_of
-from lichen_service.documents import as_query
 from lichen_service.http.message import Head, Request, Response
 from lichen_service.jobs.job import PATH, Stored
 from lichen_service.jobs.queue import Queue
@@ -17,6 +15,8 @@ from lichen_service.routing import Route
 from lichen_service.settings import Settings
 
 JSON = "application/json"
+SCHEME = "dask://"
+"""How a setting begins that names the scheduler of a cluster."""
 
 
 class Jobs:
@@ -25,9 +25,14 @@ class Jobs:
         settings: Settings,
         assets: Assets,
         handle: Callable[[Request], Response],
-        check: Callable[[Request, str], None],
+        check: Callable[[Request], None],
     ) -> None:
+        """`check` raises all that can be seen to be wrong with a run before it is one."""
         self.queue = Queue(settings.data_folder / "jobs", assets)
+        if settings.jobs.startswith(SCHEME):
+            from lichen_service.jobs.cluster import Cluster
+
+            handle = Cluster(settings, assets).handle
         self.runner = Runner(
             self.queue, handle, threads=settings.job_threads, timeout=settings.job_timeout, keep=settings.job_ttl
         )
@@ -42,11 +47,13 @@ class Jobs:
         )
 
     def _post(self, request: Request, name: str) -> Response:
-        """A job that comes as JSON: an operation, its parameters, and its inputs among the stored images."""
-        operation, values = order_of(strict_json.read(request.body))
+        """A job that comes as JSON, its inputs among the stored images."""
+        order = order_of(strict_json.read(request.body))
         head = request.head
         kept = {"accept": head.headers["accept"]} if "accept" in head.headers else {}
-        stored = Stored("POST", path_of(operation), as_query(values), kept, head.request_id)
-        run = Head("POST", stored.path, stored.query, kept, head.request_id, head.received, head.deadline)
-        self._check(Request(run, b""), operation)
-        return self.routes.accept(request, stored, b"")
+        if order.body:
+            kept["content-type"] = JSON
+        stored = Stored("POST", order.path, order.query, kept, head.request_id)
+        run = Head("POST", order.path, order.query, kept, head.request_id, head.received, head.deadline)
+        self._check(Request(run, order.body))
+        return self.routes.accept(request, stored, order.body)

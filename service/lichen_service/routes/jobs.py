@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import re
 import sqlite3
+from dataclasses import dataclass
 from typing import Any
 
 import structlog
 
 from lichen_service.access.guard import Caller
 from lichen_service.assets import is_id
-from lichen_service.documents import momentary
+from lichen_service.descriptions import path_of
+from lichen_service.documents import as_query, canonical, momentary
 from lichen_service.http.message import Body, Request, Response
 from lichen_service.jobs.events import Events
 from lichen_service.jobs.job import FINAL, PATH, Job, State, Stored
@@ -31,6 +33,8 @@ log = structlog.get_logger("lichen_service")
 LISTED = 100
 """Jobs in a list, the newest."""
 _KEY = re.compile(r"[\x21-\x7e]{1,255}")
+_KINDS = {"operation": "parameters", "pipeline": "options", "scene": "options"}
+"""What a job that comes as JSON may ask for, and where the rest of its query stands."""
 
 
 def wants_a_job(request: Request) -> bool:
@@ -156,21 +160,48 @@ class JobRoutes:
         return job
 
 
-def order_of(document: Any) -> tuple[str, dict[str, Any]]:
-    """The operation of a job that came as JSON, and its query by name. Raises the 422 refusal with what is wrong."""
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A run that came as JSON: where it would have been sent, with which query and body."""
+
+    path: str
+    query: tuple[tuple[str, str], ...]
+    body: bytes = b""
+
+
+def order_of(document: Any) -> Order:
+    """The run that a document asks for. Raises the 422 refusal with what is wrong with it.
+
+    An operation has `parameters`; a pipeline (an object, or its text) and a scene have `options`. All three name their
+    `inputs` among the stored images.
+    """
     if not isinstance(document, dict):
-        raise _invalid("the document is an object with 'operation', 'parameters' and 'inputs'")
-    unknown = sorted(set(document) - {"operation", "parameters", "inputs"})
+        raise _invalid("the document is an object with 'operation', 'pipeline' or 'scene'")
+    kinds = [kind for kind in _KINDS if kind in document]
+    if len(kinds) != 1:
+        raise _invalid(f"it has one of 'operation', 'pipeline' and 'scene', and has {len(kinds)} of them")
+    (kind,) = kinds
+    settings = _KINDS[kind]
+    unknown = sorted(set(document) - {kind, settings, "inputs"})
     if unknown:
         raise _invalid(f"{', '.join(map(repr, unknown))} means nothing here")
-    name, parameters, inputs = (document.get(key, {}) for key in ("operation", "parameters", "inputs"))
-    if not isinstance(name, str) or not isinstance(parameters, dict) or not isinstance(inputs, dict):
-        raise _invalid("'operation' is a name, 'parameters' and 'inputs' are objects")
+    said, values, inputs = document[kind], document.get(settings, {}), document.get("inputs", {})
+    if not isinstance(values, dict) or not isinstance(inputs, dict):
+        raise _invalid(f"'{settings}' and 'inputs' are objects")
     if not all(isinstance(each, str) and is_id(each) for each in inputs.values()):
         raise _invalid("'inputs' are names of stored images, sha256:...")
-    if both := sorted(parameters.keys() & inputs.keys()):
-        raise _invalid(f"{', '.join(map(repr, both))} is a parameter and an input")
-    return name, {**parameters, **inputs}
+    if both := sorted(values.keys() & inputs.keys()):
+        raise _invalid(f"{', '.join(map(repr, both))} is given among '{settings}' and among 'inputs'")
+    query = as_query({**values, **inputs})
+    if kind == "operation":
+        if not isinstance(said, str):
+            raise _invalid("'operation' is a name")
+        return Order(path_of(said), query)
+    if isinstance(said, str):
+        return Order(f"/v1/{kind}s", (*query, (kind, said)))
+    if not isinstance(said, dict):
+        raise _invalid(f"'{kind}' is an object")
+    return Order(f"/v1/{kind}s", query, canonical(said))
 
 
 def _invalid(detail: str) -> Refusal:

@@ -27,6 +27,7 @@ from lichen.image import Image
 from lichen.operation import Facts, Operation
 from lichen.order import read_order
 from lichen_service import mixed, queries, uploads
+from lichen_service.addresses import canonical_of, link_to
 from lichen_service.assets import Assets
 from lichen_service.cache import Answers
 from lichen_service.decoding.pool import Decoders
@@ -79,7 +80,10 @@ class Running:
             if shape is not Shape.PICTURE:
                 accept = mixed.of_the_result(accept) if shape is Shape.PARTS else None
             delivery = agree(query.options, accept, facts, origin)
-            return self._answer(request, operation, query, images, delivery, shape, digests, stages)
+            response = self._answer(request, operation, query, images, delivery, shape, digests, stages)
+        if request.head.method in ("GET", "HEAD"):  # the address is all there is of the request
+            response.headers |= link_to(canonical_of(operation, query))
+        return response
 
     def check(self, request: Request, name: str) -> None:
         """Raises all that can be seen to be wrong with a run before anything is decoded."""

@@ -1,7 +1,8 @@
-"""The same bytes to us and to llhttp, the parser of Node.js and many proxies: what we accept, it must read alike.
+"""The same bytes to us, to llhttp (the parser of Node.js and many proxies) and to gunicorn: what we accept, they must
+read alike.
 
 Requests are mangled at random, from fixed seeds; `LICHEN_INPUTS` says how many (`make fuzz` asks for 80 000). We may
-refuse what llhttp accepts. The other way round, or two readings of what both accept, is how requests are smuggled.
+refuse what they accept. The other way round, or two readings of what both accept, is how requests are smuggled.
 """
 
 from __future__ import annotations
@@ -11,6 +12,9 @@ import random
 from dataclasses import dataclass, field
 
 import httptools
+from gunicorn.config import Config
+from gunicorn.http.errors import ParseException
+from gunicorn.http.parser import RequestParser
 from malformed import REQUESTS
 from test_policy import VALID
 
@@ -18,6 +22,8 @@ from lichen_service.http import policy
 from lichen_service.http.chunked import ChunkedBody
 from lichen_service.http.policy import HeadScanner, RawHead, Refusal
 
+GUNICORN = Config()
+GUNICORN.set("limit_request_line", policy.LONGEST_REQUEST_LINE)
 INPUTS = int(os.environ.get("LICHEN_INPUTS", "4000"))
 SEEDS = [
     *VALID,
@@ -85,6 +91,12 @@ def ours(data: bytes, cuts: random.Random) -> tuple[Read, int] | None:
     return read, at
 
 
+def plain(name: str, value: str) -> tuple[str, str]:
+    """A field as we have it: in lower case where case means nothing."""
+    name = name.lower()
+    return name, value.lower() if name == "transfer-encoding" else value
+
+
 class Theirs:
     """What llhttp reads of bytes that we take for one whole request."""
 
@@ -104,13 +116,23 @@ class Theirs:
 
     def on_header(self, name: bytes, value: bytes) -> None:
         if not self.read.body:  # afterwards they are trailers
-            self.read.fields.append((name.decode("latin-1").lower(), value.decode("latin-1").strip(" \t")))
+            self.read.fields.append(plain(name.decode("latin-1"), value.decode("latin-1").strip(" \t")))
 
     def on_body(self, part: bytes) -> None:
         self.read.body += part
 
     def on_message_complete(self) -> None:
         self.complete += 1
+
+
+def gunicorn_reads(data: bytes) -> Read | None:
+    """What gunicorn's parser reads of the same bytes; None where it refuses them."""
+    try:
+        request = next(RequestParser(GUNICORN, [data], ("127.0.0.1", 1)))
+        fields = [plain(name, value) for name, value in request.headers]
+        return Read(request.method, request.uri, fields, request.body.read())
+    except (ParseException, StopIteration):
+        return None
 
 
 def mangled(chance: random.Random) -> bytes:
@@ -149,6 +171,27 @@ def test_what_we_accept_is_read_alike() -> None:
         count = len(read.fields)
         assert theirs.read.fields[:count] == read.fields, data
     assert accepted > INPUTS / 100, "the draws are hopeless, so this shows nothing"
+
+
+def test_gunicorn_reads_what_we_accept_alike_or_refuses_it() -> None:
+    chance = random.Random(22)
+    accepted = refused = 0
+    for _ in range(INPUTS // 2):
+        data = mangled(chance)
+        found = ours(data, chance)
+        if found is None:
+            continue
+        accepted += 1
+        read, end = found
+        theirs = gunicorn_reads(data[:end])
+        if theirs is None:
+            refused += 1
+            continue
+        assert (theirs.method, theirs.target, theirs.body) == (read.method, read.target, read.body), data
+        # It drops fields with an underscore in their names, which its own environment could not tell from a dash.
+        assert theirs.fields == [(name, value) for name, value in read.fields if "_" not in name], data
+    assert accepted > INPUTS / 200, "the draws are hopeless, so this shows nothing"
+    assert refused < accepted / 5, "a parser that refuses what we accept cannot differ, and shows nothing"
 
 
 def test_what_is_refused_is_refused_with_a_status() -> None:

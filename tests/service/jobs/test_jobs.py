@@ -29,6 +29,12 @@ from ..conftest import Caller, pointers, problem_of, read_json
 from ..test_server import ask, served
 
 BLUR = "/v1/operations/gaussian?sigma=2&device=numpy&format=png"
+PIPELINE = {"nodes": {"gaussian": {"operation": "gaussian", "parameters": {"sigma": 2}}}}
+SCENE = {
+    "camera": {"eye": [0, 1.5, 4], "target": [0, 0.6, 0], "width": 24, "height": 16},
+    "objects": [{"shape": "sphere", "centre": [0, 0.8, 0], "radius": 0.8}],
+    "lights": [{"kind": "point", "position": [3, 5, 2], "intensity": 30}],
+}
 ASYNC = {"prefer": "respond-async"}
 PATIENCE = 300.0
 
@@ -100,6 +106,47 @@ def test_a_job_may_come_as_json(working: Caller, png: bytes) -> None:
     assert bytes(working("GET", f"{location}/result").body) == bytes(working("POST", BLUR, png).body)
     listed = read_json(working("GET", "/v1/jobs"))["jobs"]
     assert [each["links"]["self"] for each in listed] == [location]
+
+
+@pytest.mark.parametrize("kind", ["pipeline", "scene"])
+def test_pipelines_and_scenes_are_jobs_like_operations(working: Caller, png: bytes, kind: str) -> None:
+    """Asked for by Prefer, by a document in JSON and, of pipelines, by their text: always the answer given at once."""
+    name = read_json(working("PUT", "/v1/assets", png))["id"]
+    said, options = (PIPELINE, {"device": "numpy"}) if kind == "pipeline" else (SCENE, {"device": "numpy"})
+    target, headers = f"/v1/{kind}s?image={name}&device=numpy", {"content-type": "application/json"}
+    if kind == "scene":
+        target = target.replace(f"image={name}&", "")
+    body = json.dumps(said).encode()
+    now = working("POST", target, body, headers)
+    assert now.status == 200, bytes(now.body)
+    inputs = {"image": name} if kind == "pipeline" else {}
+    orders = [{kind: said, "options": options, "inputs": inputs}]
+    orders += [{kind: "gaussian:sigma=2", "options": options, "inputs": inputs}] if kind == "pipeline" else []
+    locations = [accepted(working("POST", target, body, {**headers, **ASYNC}))]
+    locations += [accepted(working("POST", "/v1/jobs", json.dumps(each).encode(), headers)) for each in orders]
+    for location in locations:
+        assert ended(working, location)["status"] == "successful"
+        later = working("GET", f"{location}/result")
+        assert (later.status, bytes(later.body)) == (200, bytes(now.body))
+        assert later.headers["ETag"] == now.headers["ETag"]
+
+
+def test_what_is_wrong_with_a_graph_is_told_before_it_is_accepted(idle: Caller, png: bytes) -> None:
+    headers = {"content-type": "application/json"}
+    name = read_json(idle("PUT", "/v1/assets", png))["id"]
+    bad = {"nodes": {"soft": {"operation": "gaussian", "parameters": {"sigma": -1}}}}
+    found = idle("POST", "/v1/pipelines", json.dumps(bad).encode(), {**headers, **ASYNC})
+    assert pointers(problem_of(found, 422, "invalid-request")) == {"/nodes/soft/parameters/sigma"}
+    order = json.dumps({"pipeline": bad, "inputs": {"image": name}, "options": {"max_ms": -1}}).encode()
+    found = idle("POST", "/v1/jobs", order, headers)
+    assert pointers(problem_of(found, 422, "invalid-request")) == {"/nodes/soft/parameters/sigma", "/query/max_ms"}
+    scene = json.dumps({"scene": {**SCENE, "fog": 3}}).encode()
+    assert pointers(problem_of(idle("POST", "/v1/jobs", scene, headers), 422, "invalid-request")) == {"/fog"}
+    absent = json.dumps({"pipeline": PIPELINE, "inputs": {"image": f"sha256:{'0' * 64}"}}).encode()
+    assert pointers(problem_of(idle("POST", "/v1/jobs", absent, headers), 422, "invalid-request")) == {"/inputs/image"}
+    for wrong in ({"pipeline": 1}, {"scene": []}, {"pipeline": PIPELINE, "scene": SCENE}, {"pipeline": {}, "x": 1}):
+        problem_of(idle("POST", "/v1/jobs", json.dumps(wrong).encode(), headers), 422, "invalid-job")
+    assert read_json(idle("GET", "/v1/jobs"))["jobs"] == []
 
 
 def test_what_is_wrong_is_told_before_it_is_accepted(idle: Caller, png: bytes) -> None:

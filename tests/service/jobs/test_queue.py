@@ -182,6 +182,27 @@ def test_what_has_expired_is_forgotten_and_what_no_row_speaks_of_goes(queue: Que
     assert list(queue._workers.iterdir()) == []
 
 
+def test_a_clock_that_is_set_loses_nothing_that_was_accepted(queue: Queue, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = time.time()
+    jobs = []
+    for jump in (0.0, -1e9, 1e9):
+        monkeypatch.setattr("lichen_service.jobs.queue.time.time", lambda jump=jump: now + jump)
+        jobs.append(submit(queue))
+        queue.clean()
+        assert queue.recover() == []
+    with queue.worker() as worker:
+        done = set()
+        for jump in (1e9, -1e9, 0.0):
+            monkeypatch.setattr("lichen_service.jobs.queue.time.time", lambda jump=jump: now + jump)
+            job = queue.claim(worker)
+            assert job is not None
+            queue.clean()
+            assert queue.recover() == []
+            assert queue.finish(job, worker, 200, {}, b"result", 60)
+            done.add(job.id)
+    assert done == {each.id for each in jobs}
+
+
 def test_released_work_waits_again(queue: Queue) -> None:
     submit(queue)
     with queue.worker() as worker:

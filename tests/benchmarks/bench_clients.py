@@ -1,0 +1,216 @@
+"""What the ways in cost: the Python client over a raw socket, batches by their engines, tiles by their memory.
+
+    python tests/benchmarks/bench_clients.py client|batch|dask|tiles ...      (all of them without a name)
+
+The client and the socket ask one service for the same, by turns, and their medians are compared. Batches are of photos
+that are blurred: one process, two, a service on loopback, and a cluster whose items take 50 ms by themselves.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from lichen.files import encode
+from lichen.image import Image, Space, Storage
+from lichen_client import Client
+
+PHOTOS = int(os.environ.get("LICHEN_PHOTOS", "1000"))
+ROUNDS = 200
+
+
+@contextlib.contextmanager
+def served(*flags: str) -> Iterator[str]:
+    """The address of a service that is warm."""
+    with tempfile.TemporaryDirectory() as data:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "lichen_service", "--port", "0", "--workers", "1", *flags],
+            env={**os.environ, "LICHEN_DATA": data, "LICHEN_CALIBRATE": "off"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        try:
+            assert process.stdout is not None
+            found = re.search(r"http://\S+", process.stdout.readline())
+            assert found
+            time.sleep(12.0)  # until every kernel is built
+            yield found[0]
+        finally:
+            process.send_signal(signal.SIGTERM)
+            process.wait(30)
+
+
+def client() -> None:
+    code = "import time; began = time.perf_counter(); import lichen_client; print(time.perf_counter() - began)"
+    imports = [float(subprocess.check_output([sys.executable, "-c", code])) for _ in range(9)]
+    print(f"import lichen_client: {statistics.median(imports) * 1e3:.0f} ms", flush=True)
+    pixels = np.random.default_rng(1).random((296, 296, 3), np.float32)  # 1.05 MB
+    with served("--cache", "0") as url, Client(url) as asking:
+        port = int(url.rpartition(":")[2])
+        call = {"gamma": 1.2, "device": "numpy"}
+        expected = asking.levels(pixels, **call)
+        body = bytes(encode(Image(pixels, Space.LINEAR, storage=Storage.FLOAT32), "npy").data)
+        target = "/v1/operations/levels?gamma=1.2&device=numpy&format=npy"
+        head = f"QUERY {target} HTTP/1.1\r\nHost: a\r\nAccept: */*\r\nContent-Type: application/x-npy\r\n"
+        request = head.encode() + b"Content-Length: %d\r\n\r\n" % len(body) + body
+        room = bytearray(2 << 20)
+        times: dict[str, list[float]] = {"client": [], "socket": []}
+        with socket.create_connection(("127.0.0.1", port)) as raw:
+            raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            for _ in range(ROUNDS):
+                began = time.perf_counter()
+                made = asking.levels(pixels, **call)
+                times["client"].append(time.perf_counter() - began)
+                began = time.perf_counter()
+                got = _ask(raw, request, room)
+                times["socket"].append(time.perf_counter() - began)
+        assert made.content == expected.content
+        assert len(got) > pixels.nbytes
+    medians = {name: statistics.median(each) * 1e3 for name, each in times.items()}
+    over = statistics.median(a - b for a, b in zip(times["client"], times["socket"], strict=True)) * 1e3
+    print(
+        f"1 MB array there and back: client {medians['client']:.2f}, socket {medians['socket']:.2f}, over {over:.2f} ms"
+    )
+
+
+def _ask(raw: socket.socket, request: bytes, room: bytearray) -> memoryview:
+    raw.sendall(request)
+    at, whole = 0, None
+    view = memoryview(room)
+    while whole is None or at < whole:
+        at += raw.recv_into(view[at:])
+        if whole is None and (end := room.find(b"\r\n\r\n", 0, at)) >= 0:
+            length = re.search(rb"Content-Length: (\d+)", room[:end])
+            assert length
+            whole = end + 4 + int(length[1])
+    return view[:at]
+
+
+def photos(folder: Path, count: int, height: int = 480, width: int = 640) -> None:
+    chance = np.random.default_rng(2)
+    for at in range(8):
+        rough = chance.random((height // 16, width // 16, 3), np.float32)
+        pixels = np.kron(rough, np.ones((16, 16, 1), np.float32))
+        data = bytes(encode(Image(pixels, Space.SRGB, storage=Storage.UINT8), "jpeg").data)
+        for number in range(at, count, 8):
+            (folder / f"{number}.jpg").write_bytes(data)
+
+
+def batch_of(folder: Path, *further: str) -> float:
+    """Items a second, without what starting costs: of the first tenth nothing is counted."""
+    out = folder / f"out-{time.monotonic_ns()}"
+    soft = ["--operation", "gaussian", "--set", "sigma=4", "--output", "{stem}.jpg", "--out", str(out)]
+    command = [sys.executable, "-m", "lichen_cli", "batch", "run", f"{folder}/*.jpg", *soft, *further]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    results, count = out / "results.jsonl", len(list(folder.glob("*.jpg")))
+    first = last = 0.0
+    while process.poll() is None:
+        done = results.read_bytes().count(b"\n") if results.exists() else 0
+        if done >= count // 10 and not first:
+            first, begun = time.monotonic(), done
+        if done >= count and not last:
+            last = time.monotonic()
+        time.sleep(0.01)
+    assert process.returncode == 0
+    return (count - begun) / ((last or time.monotonic()) - first)
+
+
+def batch() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        photos(folder, PHOTOS)
+        one, two = batch_of(folder, "--workers", "1"), batch_of(folder, "--workers", "2")
+        print(
+            f"{PHOTOS} photos here: {one:.1f}/s by one process, {two:.1f}/s by two, {two / one:.2f} times", flush=True
+        )
+        with served("--threads", "2", "--cache", "0") as url:
+            there = batch_of(folder, "--url", url, "--workers", "2")
+        print(f"{PHOTOS} photos over loopback: {there:.1f}/s, {there / two:.2f} of two processes here", flush=True)
+
+
+def dask() -> None:
+    from lichen_batch.cluster import DaskEngine
+    from lichen_batch.hands import Limits
+    from lichen_batch.item import Item
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        photos(folder, 8, 720, 960)
+        engine = DaskEngine("", 2, Limits())
+        try:
+
+            def items(count: int) -> list[Item]:
+                return [
+                    Item(
+                        str(at),
+                        "gaussian",
+                        None,
+                        {"image": str(folder / f"{at % 8}.jpg")},
+                        {"result": str(folder / f"made-{at}.jpg")},
+                        {"result": "jpeg"},
+                        {"sigma": 5 + at / 1000},
+                    )
+                    for at in range(count)
+                ]
+
+            for each in [engine.submit(item) for item in items(16)]:
+                each.result()
+            began = time.monotonic()
+            waiting, outcomes = [], []
+            for item in items(300):
+                waiting.append(engine.submit(item))
+                if len(waiting) >= engine.capacity:
+                    outcomes.append(waiting.pop(0).result())
+            outcomes += [each.result() for each in waiting]
+            took = time.monotonic() - began
+        finally:
+            engine.end()
+        work = sum(sum(value for stage, value in each.seconds.items() if "." not in stage) for each in outcomes)
+        print(
+            f"Dask, two workers: {len(outcomes)} items of {work / len(outcomes) * 1e3:.0f} ms in {took:.2f} s; "
+            f"{took / (work / 2) - 1:.1%} beside the work itself"
+        )
+
+
+def tiles() -> None:
+    import zarr
+
+    with tempfile.TemporaryDirectory() as name:
+        source = f"{name}/in.zarr"
+        side = int(os.environ.get("LICHEN_SIDE", "12288"))
+        array = zarr.create_array(source, shape=(side, side, 1), chunks=(1024, 1024, 1), dtype="float32")
+        chance = np.random.default_rng(3)
+        for top in range(0, side, 1024):
+            array[top : top + 1024] = chance.random((1024, side, 1), np.float32)
+        soft = ["--pipeline", "gaussian:sigma=8,method=fir|levels:gamma=1.2", "--memory", "1GiB"]
+        command = [sys.executable, "-m", "lichen_cli", "batch", "tiles", source, f"{name}/out.zarr", *soft]
+        account = json.loads(subprocess.check_output(command, stderr=subprocess.DEVNULL).splitlines()[-1])
+        share = account["peak_bytes"] / (1 << 30)
+        print(
+            f"tiles: {side} x {side} float32 ({side * side * 4 / 2**30:.2f} GiB) in {account['seconds']:.1f} s, "
+            f"tiles of {account['tile']}, peak {share:.0%} of the 1 GiB it may hold"
+        )
+
+
+def main(names: list[str]) -> None:
+    parts: dict[str, Callable[[], None]] = {"client": client, "batch": batch, "dask": dask, "tiles": tiles}
+    for name in names or parts:
+        parts[name]()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,376 @@
+"""What the service does under more load than it can bear, before clients that send nothing, and when something dies.
+
+    python tests/service/load.py overload|half-open|failures ...        (all of them without a name)
+
+Overload: an open loop offers 1, 2, 5 and 10 times what a closed loop got through, without waiting for answers, and
+counts what came back, how soon refusals did, and how /livez fared meanwhile. Half-open: 2000 connections that never
+finish their head. Failures: what was accepted before is asked for after, and the time until the service answers again
+is taken.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lichen.files import encode
+from lichen.image import Image
+
+WORK = "/v1/operations/white_noise?width=640&height=640&format=png&seed={}"
+SECONDS = 6.0
+CONNECTIONS = 256
+PHOTO = bytes(encode(Image(np.random.default_rng(1).random((64, 64, 3), np.float32)), "png").data)
+BLUR = "/v1/operations/gaussian?sigma=2&format=png"
+
+
+class Service:
+    """`lichen serve` in a process of its own, on a port that outlives it."""
+
+    def __init__(self, data: Path, **settings: object) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as probe:
+            self.port = int(probe.getsockname()[1])
+        self.data, self.settings = data, settings
+        self.process: subprocess.Popen[bytes] | None = None
+        self._said = Path(tempfile.mkstemp(prefix="lichen-load-", suffix=".log")[1])
+
+    def start(self, **environment: str) -> float:
+        """Seconds until it is ready."""
+        began = time.monotonic()
+        flags = [each for name, value in self.settings.items() for each in (f"--{name.replace('_', '-')}", str(value))]
+        said = self._said.open("wb")
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "lichen_service", "--port", str(self.port), "--workers", "1", *flags],
+            env={**os.environ, "LICHEN_DATA": str(self.data), "LICHEN_CALIBRATE": "off", **environment},
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+        )
+        said.close()
+        self.until_ready()
+        return time.monotonic() - began
+
+    def until_warm(self) -> None:
+        """Until every operation has run once: building kernels takes what is to be measured."""
+        while not re.search(rb'"event": ?"warm"', self._said.read_bytes()):
+            time.sleep(0.2)
+
+    def until_ready(self) -> float:
+        began = time.monotonic()
+        while self.ask("GET", "/readyz")[0] != 200:
+            time.sleep(0.005)
+        return time.monotonic() - began
+
+    def ask(self, method: str, target: str, body: bytes | None = None, **headers: str) -> tuple[int, Any, bytes]:
+        """Status 0 where nobody answers."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        try:
+            connection.request(method, target, body, headers)
+            answer = connection.getresponse()
+            return answer.status, answer.headers, answer.read()
+        except (OSError, http.client.HTTPException):
+            return 0, {}, b""
+        finally:
+            connection.close()
+
+    def children(self, module: str) -> list[int]:
+        """Processes below it that run a module."""
+        assert self.process is not None
+        found, waiting = [], [self.process.pid]
+        while waiting:
+            pid = waiting.pop()
+            for task in Path(f"/proc/{pid}/task").iterdir():
+                waiting += map(int, (task / "children").read_text().split())
+            if module.encode() in Path(f"/proc/{pid}/cmdline").read_bytes():
+                found.append(pid)
+        return found
+
+    def stop(self) -> None:
+        assert self.process is not None
+        self.process.terminate()
+        self.process.wait(60)
+        self._said.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def served(**settings: object) -> Iterator[Service]:
+    data = Path(tempfile.mkdtemp(prefix="lichen-load-"))
+    service = Service(data, **settings)
+    try:
+        service.start()
+        yield service
+    finally:
+        service.stop()
+        shutil.rmtree(data, ignore_errors=True)
+
+
+# ------------------------------------------------------------------------------------------------------------ overload
+
+
+def closed(port: int, seconds: float, threads: int = 4) -> float:
+    """Answers a second that so many clients get, each waiting for its own."""
+    ends, counts = time.monotonic() + seconds, [0] * threads
+
+    def ask(own: int) -> None:
+        connection = http.client.HTTPConnection("127.0.0.1", port)
+        while time.monotonic() < ends:
+            connection.request("GET", WORK.format(own * 1_000_000 + counts[own]))
+            answer = connection.getresponse()
+            answer.read()
+            counts[own] += answer.status == 200
+
+    workers = [threading.Thread(target=ask, args=(at,)) for at in range(threads)]
+    for each in workers:
+        each.start()
+    for each in workers:
+        each.join()
+    return sum(counts) / seconds
+
+
+def offered(port: int, rate: float, seconds: float) -> tuple[list[float], list[float], int]:
+    """Seconds of good answers and of refusals when so many requests a second come, and how many could not be sent."""
+    import selectors
+
+    selector, free = selectors.DefaultSelector(), []
+    for _ in range(CONNECTIONS):
+        sock = socket.create_connection(("127.0.0.1", port))
+        selector.register(sock, selectors.EVENT_READ, [0.0, bytearray()])
+        free.append(sock)
+    good: list[float] = []
+    refused: list[float] = []
+    began, sent, unsent = time.monotonic(), 0, 0
+    while (now := time.monotonic()) < began + seconds:
+        while sent + unsent < (now - began) * rate:
+            if not free:
+                unsent += 1
+                continue
+            sock = free.pop()
+            state = selector.get_key(sock).data
+            state[0], state[1] = time.monotonic(), bytearray()
+            sock.sendall(f"GET {WORK.format(10**9 + sent)} HTTP/1.1\r\nHost: a\r\n\r\n".encode())
+            sent += 1
+        for key, _ in selector.select(0.0005):
+            took, answer = key.data
+            piece = key.fileobj.recv(1 << 18)  # type: ignore[union-attr]
+            answer += piece
+            head = answer.find(b"\r\n\r\n")
+            if not piece:
+                raise ConnectionError("the service closed a connection")
+            if head < 0:
+                continue
+            length = int(re.search(rb"Content-Length: (\d+)", bytes(answer[:head]))[1])  # type: ignore[index]
+            if len(answer) < head + 4 + length:
+                continue
+            (good if answer.startswith(b"HTTP/1.1 200") else refused).append(time.monotonic() - took)
+            free.append(key.fileobj)
+    for key in list(selector.get_map().values()):
+        key.fileobj.close()  # type: ignore[union-attr]
+    selector.close()
+    return good, refused, unsent
+
+
+def probe(port: int, seconds: float) -> None:
+    """Prints how long /livez took, in a process of its own so that nobody's load is in the way."""
+    connection = http.client.HTTPConnection("127.0.0.1", port)
+    ends, times = time.monotonic() + seconds, []
+    while time.monotonic() < ends:
+        began = time.monotonic()
+        connection.request("GET", "/livez")
+        connection.getresponse().read()
+        times.append(time.monotonic() - began)
+        time.sleep(0.01)
+    print(json.dumps(times))
+
+
+def share(times: list[float], part: float) -> float:
+    """In ms."""
+    return sorted(times)[min(len(times) - 1, int(part * len(times)))] * 1e3 if times else 0.0
+
+
+def overload() -> None:
+    with served(threads=2, queue=16, cache=0) as service:
+        service.until_warm()
+        closed(service.port, 2.0)
+        peak = closed(service.port, SECONDS)
+        print(f"capacity: {peak:.1f} answers/s", flush=True)
+        for times in (1, 2, 5, 10):
+            command = [sys.executable, __file__, "probe", str(service.port), str(SECONDS)]
+            alive = subprocess.Popen(command, stdout=subprocess.PIPE)
+            good, refused, unsent = offered(service.port, times * peak, SECONDS)
+            waits = json.loads(alive.communicate()[0])
+            done = len(good) / SECONDS
+            print(
+                f"offered {times:2}x: good {done:6.1f}/s ({done / peak:4.0%}), p99 {share(good, 0.99):.0f} ms; "
+                f"refused {len(refused) / SECONDS:6.1f}/s, median {share(refused, 0.5):.1f}, "
+                f"p99 {share(refused, 0.99):.1f}, most {share(refused, 1):.1f} ms; unsent {unsent}; "
+                f"/livez p99 {share(waits, 0.99):.1f} ms",
+                flush=True,
+            )
+
+
+# ----------------------------------------------------------------------------------------------------------- half-open
+
+
+def half_open() -> None:
+    with served(threads=2, header_timeout=5.0) as service:
+        (worker,) = service.children("lichen_service.http.worker")
+        threads = Path(f"/proc/{worker}/task")
+        service.until_warm()
+        before, began, slow = len(list(threads.iterdir())), time.monotonic(), []
+        for _ in range(2000):
+            sock = socket.create_connection(("127.0.0.1", service.port))
+            sock.sendall(b"GET / HTTP/1.1\r\nHost: a\r\nX-Slow:")
+            slow.append(sock)
+        opened = time.monotonic() - began
+        waits = []
+        for at in range(60):
+            started = time.monotonic()
+            assert service.ask("GET", f"/v1/operations?{at}")[0] == 200
+            waits.append(time.monotonic() - started)
+        held = len(list(threads.iterdir()))
+        cut = []
+        for sock in slow:
+            sock.settimeout(30)
+            while sock.recv(4096):
+                pass
+            cut.append(time.monotonic() - began)
+            sock.close()
+        print(
+            f"2000 half-open connections (made in {opened:.2f} s): threads {before} before, {held} meanwhile; "
+            f"good requests p50 {share(waits, 0.5):.1f}, p99 {share(waits, 0.99):.1f} ms; "
+            f"all cut {max(cut):.2f} s after the first was made"
+        )
+
+
+# ------------------------------------------------------------------------------------------------------------ failures
+
+
+def row(what: str, lost: str, seconds: float) -> None:
+    print(f"| {what} | {lost} | {seconds:.2f} s |", flush=True)
+
+
+def jobs(service: Service, count: int = 3) -> list[str]:
+    return [
+        service.ask("POST", f"{BLUR}&max_ms={1000 + at}", PHOTO, Prefer="respond-async")[1]["Location"]
+        for at in range(count)
+    ]
+
+
+def missing(service: Service, places: list[str], seconds: float = 60.0) -> str:
+    """What became of jobs."""
+    ends = time.monotonic() + seconds
+    left = set(places)
+    while left and time.monotonic() < ends:
+        left -= {each for each in left if service.ask("GET", f"{each}/result")[0] == 200}
+    return f"of {len(places)} jobs {len(left)}"
+
+
+def failures() -> None:
+    with served(threads=2) as service:
+        service.until_warm()
+        for what, victim in (
+            ("a worker, by kill -9", lambda: service.children("lichen_service.http.worker")[0]),
+            ("a decoder, by kill -9", lambda: service.children("lichen_service.decoding.child")[0]),
+        ):
+            service.ask("POST", BLUR, PHOTO)
+            accepted, pid = jobs(service), victim()
+            os.kill(pid, signal.SIGKILL)
+            began = time.monotonic()
+            while service.ask("POST", BLUR, PHOTO)[0] != 200:
+                time.sleep(0.002)
+            row(what, missing(service, accepted), time.monotonic() - began)
+        accepted = jobs(service)
+        assert service.process is not None
+        workers, began = service.children("lichen_service.http.worker"), time.monotonic()
+        service.process.kill()
+        service.process.wait()
+        while any(Path(f"/proc/{pid}").exists() for pid in workers):  # they end by themselves
+            time.sleep(0.002)
+        service.start()
+        took = time.monotonic() - began
+        row("the supervisor, by kill -9, started again when its workers have gone", missing(service, accepted), took)
+    _disk_full()
+    with tempfile.TemporaryDirectory() as folder:
+        _caches_gone(Path(folder))
+    with contextlib.ExitStack() as stack:
+        data = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        service = Service(data, threads=2)
+        took = service.start(OCL_ICD_VENDORS="/nowhere")
+        stack.callback(service.stop)
+        answer = service.ask("POST", BLUR, PHOTO)
+        row("PoCL is missing", f"nothing: {answer[0]} by {answer[1]['Lichen-Device']}", took)
+
+
+def _disk_full() -> None:
+    """On a file system of its own, of 1 MB, which needs root."""
+    folder = Path(tempfile.mkdtemp(prefix="lichen-full-"))
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "lichen", str(folder)], check=False).returncode:
+        print("| the disk is full | not tried: no file system could be mounted | |")
+        return
+    service = Service(folder, threads=2)
+    try:
+        service.start()
+        accepted = jobs(service, 1)
+        missing(service, accepted)
+        filler = folder / "filler"
+        with contextlib.suppress(OSError), filler.open("wb", buffering=0) as file:
+            while True:
+                file.write(bytes(4096))
+        noise = np.random.default_rng(2).random((64, 64, 3), np.float32)
+        other = bytes(encode(Image(noise), "npy").data)
+        said = [service.ask("PUT", "/v1/assets", other)[0], service.ask("POST", BLUR, PHOTO, Prefer="respond-async")[0]]
+        run = service.ask("POST", BLUR, PHOTO)[0]
+        filler.unlink()
+        began = time.monotonic()
+        while service.ask("PUT", "/v1/assets", other)[0] != 201:
+            time.sleep(0.002)
+        lost = f"nothing: an asset {said[0]}, a job {said[1]}, a run {run}; {missing(service, accepted)}"
+        row("the disk is full", lost, time.monotonic() - began)
+    finally:
+        service.stop()
+        subprocess.run(["umount", str(folder)], check=False)
+        folder.rmdir()
+
+
+def _caches_gone(folder: Path) -> None:
+    service = Service(folder / "data", threads=2)
+    service.start(XDG_CACHE_HOME=str(folder / "cache"), POCL_CACHE_DIR=str(folder / "cache" / "pocl"))
+    try:
+        accepted = jobs(service)
+        shutil.rmtree(folder / "cache", ignore_errors=True)
+        began = time.monotonic()
+        status = service.ask("POST", "/v1/operations/gaussian?sigma=7&format=png", PHOTO)[0]
+        row(
+            "the folder of compiled kernels is gone",
+            f"{missing(service, accepted)}; the next run {status}",
+            time.monotonic() - began,
+        )
+    finally:
+        service.stop()
+
+
+def main(names: list[str]) -> None:
+    if names[:1] == ["probe"]:
+        probe(int(names[1]), float(names[2]))
+        return
+    parts: dict[str, Callable[[], None]] = {"overload": overload, "half-open": half_open, "failures": failures}
+    for name in names or parts:
+        parts[name]()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
