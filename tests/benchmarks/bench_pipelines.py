@@ -24,9 +24,9 @@ from lichen.engine import prepare_pipeline
 from lichen.execution import exact
 from lichen.image import Image, Space
 from lichen.memory import aligned
+from lichen.operation import Facts
 from lichen.order import read_pipeline_order
 from lichen.planning import predict
-from lichen.planning.check import unmeasured
 from lichen.planning.graph import Graph
 from lichen.planning.plan import make_plan
 
@@ -132,14 +132,14 @@ def planning(nodes: int) -> None:
     ]
     image = Image(np.random.default_rng(1).random((64, 64, 3), dtype=np.float32), Space.LINEAR)
     order = read_pipeline_order("|".join(steps), {"image": image}, {}, "numpy")
-    facts = {name: unmeasured(each) for name, each in order.images.items()}
+    facts = {name: Facts.sized(each) for name, each in order.images.items()}
     took = []
     for _ in range(20):
         began = time.thread_time()
         make_plan(Graph(facts, order.nodes, order.outputs), order.request)
         took.append((time.thread_time() - began) * 1e3)
-    for each in (predict.result, predict.carried, predict.offers, predict.offer):
-        each.cache_clear()
+    predict.about.cache_clear()
+    order = read_pipeline_order("|".join(steps), {"image": image}, {}, "numpy")
     began = time.thread_time()
     make_plan(Graph(facts, order.nodes, order.outputs), order.request)
     first = (time.thread_time() - began) * 1e3

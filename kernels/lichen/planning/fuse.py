@@ -63,6 +63,7 @@ def _linked(graph: Graph, facts: Mapping[str, Facts], request: Request) -> Graph
     kept = [measure for _, measure in problem.measures if problem.excess(choices, measure) <= 1][:1]
     staged = {node.name for node in graph.nodes if stage_of(node, facts) is not None}
     near = {source for node in graph.nodes if node.name in staged for source in node.inputs.values()}
+    before = choices
     for node in graph.nodes:
         if node.name in staged or not (node.name in near or node.first in staged):
             continue
@@ -71,31 +72,40 @@ def _linked(graph: Graph, facts: Mapping[str, Facts], request: Request) -> Graph
             if all(problem.excess(trial, measure) <= 1 for measure in kept):
                 choices = trial
                 break
-    return graph.replace(nodes=tuple(node.replace(choice=choices[node.name]) for node in graph.nodes))
+    if choices is before:
+        return graph
+    return graph.replace(nodes=tuple(node.chosen(choices[node.name], node.alternatives) for node in graph.nodes))
 
 
 def _stages_among(node: Node, facts: Mapping[str, Facts]) -> list[Candidate]:
     """The candidates that are stages and, with what a link saves, no slower than the choice."""
-    if node.choice is None:
+    methods = _staged(node, facts)
+    if node.choice is None or not methods:
         return []
     most = node.choice.seconds + MOVED["start"] + MOVED["step"] * facts[node.name].samples
-    usable = [offer for offer in node.alternatives if offer.unfit is None and offer.passes is None]
-    return [o for o in usable if o.seconds <= most and _stage_by(o.method, node, facts) is not None]
+    return [
+        offer
+        for offer in node.alternatives
+        if offer.method in methods and offer.unfit is None and offer.passes is None and offer.seconds <= most
+    ]
 
 
 def stage_of(node: Node, facts: Mapping[str, Facts]) -> Stage | None:
     """The node as a stage, where its method is one and its picture fits."""
-    return None if node.choice is None else _stage_by(node.choice.method, node, facts)
-
-
-def _stage_by(method: str, node: Node, facts: Mapping[str, Facts]) -> Stage | None:
-    if method not in node.operation.methods or len(node.inputs) != 1 or node.operation.finds:
+    if node.choice is None or node.choice.method not in _staged(node, facts):
         return None
+    return node.stage(facts, node.choice.method)
+
+
+def _staged(node: Node, facts: Mapping[str, Facts]) -> tuple[str, ...]:
+    """The methods by which a node would be a stage."""
+    if len(node.inputs) != 1 or node.operation.finds:
+        return ()
     (source,) = node.inputs.values()
     image, made = facts[source], facts[node.name]
     if image.channels not in CHANNELS or not _alike(image, made):
-        return None
-    return node.stage(facts, method)
+        return ()
+    return node.about(facts).staged
 
 
 def _alike(one: Facts, other: Facts) -> bool:

@@ -7,8 +7,9 @@ at a pixel.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from lichen.accuracy.precision import Precision, keeping
@@ -58,6 +59,28 @@ class Candidate:
     """the input that is handed on as it is, where the method is to leave the node out"""
 
 
+class Offers(tuple[Candidate, ...]):
+    """Candidates of a node. What is sought among them is found once."""
+
+    def least(self, key: Callable[[Candidate], Any]) -> Candidate:
+        """The least by a key; one function for every question, or it is asked anew."""
+        if key not in self._least:
+            self._least[key] = min(self, key=key)
+        return self._least[key]
+
+    @cached_property
+    def usable(self) -> Offers:
+        """Those that can be taken."""
+        return Offers([offer for offer in self if offer.unfit is None])
+
+    @cached_property
+    def _least(self) -> dict[Callable[[Candidate], Any], Candidate]:
+        return {}
+
+
+NOTHING = Offers()
+
+
 @dataclass(frozen=True, slots=True)
 class Asked:
     """What the caller asked of one node: it narrows the candidates."""
@@ -85,38 +108,61 @@ class Node:
     parameters: OperationParameters
     inputs: Mapping[str, str]
     choice: Candidate | None = None
-    alternatives: tuple[Candidate, ...] = ()
+    alternatives: Offers = NOTHING
     asked: Asked = FREE
     inherited: Mapping[str, float] = field(default_factory=dict)
+    memo: list[tuple[OperationParameters, predict.About]] = field(default_factory=list, compare=False, repr=False)
+    """what `about` found last"""
 
     @property
     def first(self) -> str | None:
         """What its first input reads; None where it reads nothing."""
         return next(iter(self.inputs.values()), None)
 
+    def about(self, facts: Mapping[str, Facts]) -> predict.About:
+        """What its operation says of itself, given these facts of all values."""
+        known = tuple([facts[source] for source in self.inputs.values()])
+        if self.memo:
+            parameters, found = self.memo[0]
+            if parameters is self.parameters and found.known == known:
+                return found
+        found = predict.about((self.operation, self.parameters, tuple(self.inputs), known))
+        self.memo[:] = [(self.parameters, found)]
+        return found
+
     def result(self, facts: Mapping[str, Facts]) -> Facts:
         """Facts of what it makes."""
-        return predict.result(self._key(facts))
+        return self.about(facts).result
 
     def carried(self, facts: Mapping[str, Facts], error: float) -> float:
         """What an error of its inputs becomes behind it."""
-        return predict.carried(self._key(facts), error) if error else 0.0
+        return self.about(facts).carried(error) if error else 0.0
 
     def offers(self, facts: Mapping[str, Facts]) -> Mapping[tuple[str, float | None], predict.Offer]:
         """What its methods state, at all values of their knobs."""
-        return predict.offers(self._key(facts))
+        return self.about(facts).offers
 
     def offer(self, facts: Mapping[str, Facts], method: str, knob: float | None) -> predict.Offer:
         """What one of its methods states at one setting."""
-        return predict.offer(self._key(facts), method, knob)
+        return self.about(facts).offer(method, knob)
 
     def stage(self, facts: Mapping[str, Facts], method: str) -> Stage | None:
         """What one of its methods is as a step of a fused chain."""
-        return predict.stage(self._key(facts), method)
+        return self.about(facts).stage(method)
 
-    def _key(self, facts: Mapping[str, Facts]) -> predict.Key:
-        known = tuple([facts[source] for source in self.inputs.values()])
-        return self.operation, self.parameters, tuple(self.inputs), known
+    def chosen(self, choice: Candidate, alternatives: Offers) -> Node:
+        """With what was chosen, and from what."""
+        return Node(
+            self.name,
+            self.operation,
+            self.parameters,
+            self.inputs,
+            choice,
+            alternatives,
+            self.asked,
+            self.inherited,
+            self.memo,
+        )
 
     def replace(self, **changes: Any) -> Node:
         return dataclasses.replace(self, **changes)
@@ -145,6 +191,8 @@ class Request:
     target: str = ""
     """the node whose method stands for the whole; empty for pipelines"""
     prune: bool = True
+    concatenate: bool = False
+    """whether warps that follow one another may be one, which is another picture"""
     rates: Mapping[tuple[str, str], Rate] = field(default_factory=dict)
     """of (operation, method) for the backend in use, as measured on this machine; the declared ones otherwise"""
     max_bytes: int | None = None

@@ -15,6 +15,7 @@ from lichen.planning.choose import choose
 from lichen.planning.error import errors, total_error, total_seconds
 from lichen.planning.fuse import fuse
 from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
+from lichen.planning.join import concatenate, join
 from lichen.planning.light import light
 from lichen.planning.memory import peak_bytes, refuse_too_large
 from lichen.planning.prune import identity, shared, unread
@@ -24,8 +25,8 @@ from lichen.planning.verdicts import outcomes, verdicts
 
 Pass = Callable[[Graph, Request], Graph]
 
-ALL: tuple[Pass, ...] = (unread, shared, identity, light, region, choose, settle, fuse)
-NEEDED: tuple[Pass, ...] = (light, choose, settle)
+ALL: tuple[Pass, ...] = (concatenate, unread, shared, identity, light, join, region, choose, settle, fuse)
+NEEDED: tuple[Pass, ...] = (concatenate, light, choose, settle)
 """what `prune=false` leaves"""
 ENGINE_VERSION = "1"
 """Part of every plan's digest; raise it when the same plan gives other bytes."""

@@ -152,9 +152,9 @@ def test_plans_change_results_by_no_more_than_they_say() -> None:
             assume(False)
         results, full = pruned.run(), whole.run()
         decisions = pruned.plan.decisions
-        allowed = sum(each.bound for each in decisions if each.pass_ == "invisible")
+        allowed = sum(each.bound for each in decisions if each.pass_ in ("invisible", "join"))
         dropping = {each.pass_ for each in decisions if each.action == "dropped"}
-        dropping |= {each.pass_ for each in decisions if each.pass_ == "region"}
+        dropping |= {each.pass_ for each in decisions if each.pass_ in ("region", "join")}
         lossless = dropping <= {"unread", "shared"} and same_methods(pruned, whole)
         for name, result in results.items():
             sources = pruned.order.images

@@ -11,7 +11,7 @@ from lichen.opencl.device import Device
 from lichen.opencl.session import Argument, Session
 from lichen.operation import Border
 from lichen.operations.warp.levels import sizes
-from lichen.operations.warp.maps import Map, Projective
+from lichen.operations.warp.maps import Map, Projective, Windowed
 from lichen.operations.warp.reference import BAND, Closed, Source, grid
 
 SEGMENT = 64
@@ -28,7 +28,8 @@ def built_for(channels: int) -> dict[str, int]:
 
 @dataclass(frozen=True, eq=False)
 class Looks:
-    """The places of a result on the device: nine numbers, or tables of coordinates and of their steps."""
+    """The places of a result on the device: nine numbers and the corners of two parts, or tables of coordinates and of
+    their steps."""
 
     matrix: Array | None
     table: Array | None
@@ -39,8 +40,10 @@ class Looks:
     @classmethod
     def of(cls, map_: Map, width: int, height: int, *, steps: bool) -> Looks:
         """Of a map; `steps` where footprints are wanted, too."""
-        if isinstance(map_, Projective):
-            return cls(aligned(map_.array.reshape(-1), np.float64), None, None, width, height)
+        whole = map_.of if isinstance(map_, Windowed) else map_
+        if isinstance(whole, Projective):
+            corners = (*map_.result, *map_.source) if isinstance(map_, Windowed) else (0, 0, 0, 0)
+            return cls(aligned(np.array([*whole.matrix, *corners]), np.float64), None, None, width, height)
         table = aligned_empty((height, width, 2), np.float64)
         along = aligned_empty((height, width, 4)) if steps else None
         u, rows = np.arange(width) + 0.5, max(1, BAND // width)

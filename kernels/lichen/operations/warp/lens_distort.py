@@ -26,6 +26,7 @@ from lichen.operations.warp import cases
 from lichen.operations.warp.lenses import Lens, Model
 from lichen.operations.warp.maps import Doubles, Map
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
+from lichen.part import place_of
 
 
 class Direction(StrEnum):
@@ -125,7 +126,9 @@ lens_distort = declare(
 
 @lens_distort.findings
 def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
-    """How many pixels of the result have no place in the source, and where the lens ends, in focal lengths."""
-    map_, (height, width) = _map(p, inputs), pixels.shape[:2]
+    """How many pixels of the result have no place in the source, and where the lens ends, in focal lengths; the `part`
+    of the result that was made, where that is not all."""
+    map_, (height, width), place = WARP.looks(p, inputs), pixels.shape[:2], place_of(p)
     x, _ = map_.at(np.arange(width) + 0.5, (np.arange(height) + 0.5)[:, np.newaxis])
-    return {"background": int(np.count_nonzero(np.isnan(x))), "end_of_lens": p.lens.radial.end}
+    found = {"background": int(np.count_nonzero(np.isnan(x))), "end_of_lens": p.lens.radial.end}
+    return found if place is None else {**found, "part": list(place.result)}

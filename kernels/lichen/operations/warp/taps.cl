@@ -15,6 +15,7 @@
     double x[SEGMENT], y[SEGMENT];                                                                                     \
     int seen[SEGMENT];                                                                                                 \
     locate(x, y, matrix, table, first, row, width);                                                                    \
+    from_corner(x, y, matrix);                                                                                         \
     fold(x, y, &picture);                                                                                              \
     const int count = min(SEGMENT, width - first);                                                                     \
     const size_t start = (size_t)row * width + first;
