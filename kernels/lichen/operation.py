@@ -191,6 +191,8 @@ class Method(Generic[P]):
     unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None
     stage: Callable[[P, InputFacts], Stage | None] = no_stage
     """what it is as a step of a fused chain on OpenCL, where it is pointwise and reads one picture"""
+    scratch: Callable[[P, float, InputFacts], float] | None = None
+    """bytes that it takes for itself while it runs; None: nothing where a stage, else as much as its largest input"""
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
         rate = self.rates[backend]
@@ -294,12 +296,15 @@ class Operation(Generic[P]):
         knob: Knob | None = None,
         unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None,
         stage: Callable[[P, InputFacts], Stage | None] = no_stage,
+        scratch: Callable[[P, float, InputFacts], float] | None = None,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
-            self.methods[name] = Method(name, description, implementation, error, work, rates, knob, unfit, stage)
+            self.methods[name] = Method(
+                name, description, implementation, error, work, rates, knob, unfit, stage, scratch
+            )
             return implementation
 
         return register

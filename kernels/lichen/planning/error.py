@@ -1,7 +1,9 @@
 """How far the outputs of a graph may be from truth, and how long it takes, by the choices made for its nodes.
 
 The error is carried forward: what reaches a node passes through its modulus of continuity, and its own method's error
-is added. What work that was left out would have changed arrives at the readers of what it left (`inherited`).
+is added. Inputs that err by all of it and inputs that err by its rounding alone are no further apart than the rest, so
+what is carried of the rest is what lies beyond rounding, also where the modulus jumps. What work that was left out
+would have changed arrives at the readers of what it left (`inherited`).
 """
 
 from __future__ import annotations
@@ -53,7 +55,7 @@ def _made(node: Node, own: Error, facts: Mapping[str, Facts], reached: Mapping[s
         rounded = max((error.rounding for error in arriving), default=0.0)
         often = max((error.usual for error in arriving), default=0.0)
     value = about.carried(worst) if worst else 0.0
-    rounding = value if rounded == worst else about.carried(rounded) if rounded else 0.0
+    rounding = value if rounded == worst else max(value - about.carried(worst - rounded), 0.0)
     usual = value if often == worst else about.carried(often) if often else 0.0
     kind: Literal["bound", "estimate"] = "bound"
     if own.kind != "bound" or any(error.kind != "bound" for error in arriving):

@@ -7,7 +7,7 @@ at a pixel.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -204,6 +204,15 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
+class Banded:
+    """A chain of steps, first to last, of which `rows` rows are made at a time; how many rows each reaches beyond."""
+
+    steps: tuple[str, ...]
+    rows: int
+    reaches: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Graph:
     """Sources by name with their facts, nodes in running order, and what comes out by name."""
 
@@ -217,6 +226,8 @@ class Graph:
     """nodes that return their first input and only report what they find in it"""
     fused: tuple[tuple[str, ...], ...] = ()
     """chains of nodes, first to last, that run as one"""
+    banded: tuple[Banded, ...] = ()
+    """chains of what runs, of which a band after the other is made"""
 
     @classmethod
     def of(cls, sources: Mapping[str, Facts], nodes: Iterable[Node], output: str, **further: Any) -> Graph:
@@ -237,15 +248,11 @@ class Graph:
 
     def running(self) -> tuple[Node, ...]:
         """The nodes as they run: a chain as its last node, which reads what the first one does."""
-        if not self.fused:
-            return self.nodes
-        ends = {chain[-1]: self.named(chain[0]).inputs for chain in self.fused}
-        inner = {name for chain in self.fused for name in chain[:-1]}
-        return tuple(
-            node.replace(inputs=ends[node.name]) if node.name in ends else node
-            for node in self.nodes
-            if node.name not in inner
-        )
+        return _collapsed(self.steps(), [each.steps for each in self.banded])
+
+    def steps(self) -> tuple[Node, ...]:
+        """The nodes as they run, those of bands apart."""
+        return _collapsed(self.nodes, self.fused)
 
     def named(self, name: str) -> Node:
         """The node called so, which there is."""
@@ -281,18 +288,31 @@ class Graph:
     def only(self, output: str) -> Graph:
         """What leads to one of the outputs."""
         alone = self.replace(outputs={output: self.outputs[output]}, observers=())
-        needed = alone.needed()
+        needed = alone.needed(reporting=False)
         return alone.replace(nodes=tuple(node for node in self.nodes if node.name in needed))
 
-    def needed(self) -> set[str]:
-        """Names of all nodes and sources whose value reaches an output or an observer."""
+    def needed(self, *, reporting: bool = True) -> set[str]:
+        """Names of all nodes and sources whose value reaches an output or an observer, or, with `reporting`, a node
+        that reports what it finds."""
         found = {each.source for each in self.outputs.values()}
         for node in self.observers:
             found.update(node.inputs.values())
         for node in reversed(self.nodes):
-            if node.name in found:
+            if node.name in found or (reporting and node.operation.finds):
+                found.add(node.name)
                 found.update(node.inputs.values())
         return found
+
+
+def _collapsed(nodes: tuple[Node, ...], chains: Sequence[tuple[str, ...]]) -> tuple[Node, ...]:
+    if not chains:
+        return nodes
+    found = {node.name: node for node in nodes}
+    ends = {chain[-1]: found[chain[0]].inputs for chain in chains}
+    inner = {name for chain in chains for name in chain[:-1]}
+    return tuple(
+        node.replace(inputs=ends[node.name]) if node.name in ends else node for node in nodes if node.name not in inner
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from typing import Any
 
 from lichen.accuracy.precision import Precision
 from lichen.operation import Error
+from lichen.planning.bands import bands
 from lichen.planning.choose import choose
 from lichen.planning.error import errors, total_error, total_seconds
 from lichen.planning.fuse import fuse
@@ -25,10 +26,10 @@ from lichen.planning.verdicts import outcomes, verdicts
 
 Pass = Callable[[Graph, Request], Graph]
 
-ALL: tuple[Pass, ...] = (concatenate, unread, shared, identity, light, join, region, choose, settle, fuse)
+ALL: tuple[Pass, ...] = (concatenate, unread, shared, identity, light, join, region, choose, settle, fuse, bands)
 NEEDED: tuple[Pass, ...] = (concatenate, light, choose, settle)
 """what `prune=false` leaves"""
-ENGINE_VERSION = "1"
+ENGINE_VERSION = "2"
 """Part of every plan's digest; raise it when the same plan gives other bytes."""
 
 
@@ -86,7 +87,8 @@ class Plan:
         nodes = [_node_to_json(node) for node in self.nodes]
         outputs = {name: each.source for name, each in self.graph.outputs.items()}
         observers = [_node_to_json(node) for node in self.graph.observers]
-        said = [ENGINE_VERSION, self.request.backend, self.graph.precision, outputs, nodes, observers]
+        banded = [[each.steps, each.rows] for each in self.graph.banded]
+        said = [ENGINE_VERSION, self.request.backend, self.graph.precision, outputs, nodes, observers, banded]
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> dict[str, Any]:
@@ -104,6 +106,7 @@ class Plan:
                 for name, each in self.graph.outputs.items()
             },
             "fused": [list(chain) for chain in self.graph.fused],
+            "bands": [{"nodes": list(each.steps), "rows": each.rows} for each in self.graph.banded],
             "decisions": [decision.to_json() for decision in self.decisions],
             "digest": self.digest,
         }

@@ -19,7 +19,7 @@ from lichen.planning.graph import Decision, Graph, Moved, Node, Request, inputs_
 def unread(graph: Graph, request: Request) -> Graph:
     """Drop nodes whose result reaches no output."""
     needed = graph.needed()
-    dropped = [node for node in graph.nodes if node.name not in needed and not node.operation.finds]
+    dropped = [node for node in graph.nodes if node.name not in needed]
     if not dropped:
         return graph
     facts = graph.facts()
@@ -114,7 +114,7 @@ def swept(before: Graph, graph: Graph, request: Request, cause: str, undone: Ite
     """`graph` without what nothing reads since pairs were taken out of `before`, with a decision for each node."""
     facts = before.facts()
     needed = graph.needed()
-    kept = [node for node in graph.nodes if node.name in needed or node.operation.finds]
+    kept = [node for node in graph.nodes if node.name in needed]
     names = {node.name for node in kept}
     gone = [node for node in before.nodes if node.name not in names]
     why = {}

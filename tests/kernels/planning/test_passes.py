@@ -68,6 +68,20 @@ def test_unread_floods_back_from_every_output() -> None:
     assert all(each.saved_ms > 0 for each in made.decisions)
 
 
+def test_what_a_node_that_reports_reads_is_read() -> None:
+    made = unread(
+        graph(
+            node("a", "levels", "in"),
+            node("b", "arrange", "in", flip="both"),
+            node("c", "lens_distort", "b"),
+            outputs=("a",),
+        ),
+        Request(),
+    )
+    assert names(made) == ["a", "b", "c"]
+    assert names(made.only("a")) == ["a"]
+
+
 def test_equal_work_is_done_once_along_whole_chains() -> None:
     nodes = [
         node(f"{letter}{number}", "gaussian", "in" if number == 1 else f"{letter}{number - 1}", sigma=number)
@@ -267,6 +281,14 @@ def test_every_output_keeps_its_own_quantum() -> None:
     plan = make_plan(two.replace(outputs=wanted), Request())
     assert plan.errors["a"].value - plan.errors["a"].rounding <= 0.25 / 65535
     assert plan.errors["b"].value - plan.errors["b"].rounding <= 0.25 / 255
+
+
+def test_where_a_modulus_jumps_no_change_passes_for_rounding() -> None:
+    """One level more or less moves a whole step of an equalised picture, however little it was."""
+    plan = make_plan(
+        graph(node("a", "box", "in"), node("b", "levels", "a", black=0.1), node("c", "equalise", "b")), Request()
+    )
+    assert names(plan) == ["a", "b", "c"]
 
 
 def test_what_is_inherited_counts() -> None:
