@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from lichen.catalogue import operation
 from lichen.joining import Joined
 from lichen.operation import Facts
-from lichen.planning.graph import FREE, Decision, Graph, Node, Request, inputs_of
+from lichen.planning.graph import FREE, Decision, Graph, Node, Request
 from lichen.planning.prune import cost
 
 ROUNDED = 2.0**-50
@@ -73,8 +73,7 @@ class _Joining:
     def _joined(self, before: Node, node: Node) -> Node | None:
         """One node for both, if there is one, with the decision that tells it."""
         facts = self._facts
-        first = before.operation.link(before.parameters, inputs_of(before, facts))
-        second = node.operation.link(node.parameters, inputs_of(node, facts))
+        first, second = before.about(facts).link, node.about(facts).link
         found = first.then(second) if first is not None and second is not None else None
         if isinstance(found, str):
             if not self._same:

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, TypeAlias
 
+from lichen.joining import Link
 from lichen.operation import Error, Facts, Operation, OperationParameters
 from lichen.stage import Stage
 
@@ -43,18 +44,12 @@ class About:
         """which of its inputs are no pictures"""
         self.kept: dict[object, Any] = {}
         """what passes make of it, by their own keys"""
-        self._result: Facts | None = None
-        self._offers: Mapping[tuple[str, float | None], Offer] | None = None
         self._carried: dict[float, float] = {}
         self._stages: dict[str, Stage | None] = {}
-        self._staged: tuple[str, ...] | None = None
-        self._departure: Mapping[str, float] | None = None
 
-    @property
+    @cached_property
     def result(self) -> Facts:
-        if self._result is None:
-            self._result = self.operation.result(self.parameters, self.facts)
-        return self._result
+        return self.operation.result(self.parameters, self.facts)
 
     def carried(self, error: float) -> float:
         found = self._carried.get(error)
@@ -64,16 +59,14 @@ class About:
             found = self._carried[error] = self.operation.propagate(self.parameters, self.facts, error)
         return found
 
-    @property
+    @cached_property
     def offers(self) -> Mapping[tuple[str, float | None], Offer]:
         """What all methods state, at all values of their knobs."""
-        if self._offers is None:
-            self._offers = {
-                (each.name, knob): self._stated(each.name, knob)
-                for each in self.operation.methods.values()
-                for knob in (each.knob.values if each.knob else (None,))
-            }
-        return self._offers
+        return {
+            (each.name, knob): self._stated(each.name, knob)
+            for each in self.operation.methods.values()
+            for knob in (each.knob.values if each.knob else (None,))
+        }
 
     def offer(self, name: str, knob: float | None) -> Offer:
         """What one method states at one setting."""
@@ -85,19 +78,25 @@ class About:
             self._stages[name] = self.operation.methods[name].stage(self.parameters, self.facts)
         return self._stages[name]
 
-    @property
+    @cached_property
     def staged(self) -> tuple[str, ...]:
         """The methods that are steps of a chain."""
-        if self._staged is None:
-            self._staged = tuple([name for name in self.operation.methods if self.stage(name) is not None])
-        return self._staged
+        return tuple([name for name in self.operation.methods if self.stage(name) is not None])
 
-    @property
+    @cached_property
     def departure(self) -> Mapping[str, float]:
         """How far its output is from its inputs at most."""
-        if self._departure is None:
-            self._departure = self.operation.departure(self.parameters, self.facts)
-        return self._departure
+        return self.operation.departure(self.parameters, self.facts)
+
+    @cached_property
+    def identity(self) -> str | None:
+        """Why it returns its first input."""
+        return self.operation.identity(self.parameters, self.facts) if self.facts else None
+
+    @cached_property
+    def link(self) -> Link | None:
+        """What it is for its neighbours."""
+        return self.operation.link(self.parameters, self.facts)
 
     def _stated(self, name: str, knob: float | None) -> Offer:
         method, setting = self.operation.methods[name], knob if knob is not None else 0.0

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from lichen.operation import Facts
-from lichen.planning.graph import Decision, Graph, Moved, Node, Request, inputs_of, rewired
+from lichen.planning.graph import Decision, Graph, Moved, Node, Request, rewired
 
 
 def unread(graph: Graph, request: Request) -> Graph:
@@ -60,7 +60,7 @@ def identity(graph: Graph, request: Request) -> Graph:
     observers = []
     decisions = []
     for node in graph.nodes:
-        reason = node.operation.identity(node.parameters, inputs_of(node, facts)) if node.inputs else None
+        reason = node.about(facts).identity
         if reason is None:
             continue
         source = node.first
