@@ -191,8 +191,9 @@ class Method(Generic[P]):
     unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None
     stage: Callable[[P, InputFacts], Stage | None] = no_stage
     """what it is as a step of a fused chain on OpenCL, where it is pointwise and reads one picture"""
-    scratch: Callable[[P, float, InputFacts], float] | None = None
-    """bytes that it takes for itself while it runs; None: nothing where a stage, else as much as its largest input"""
+    scratch: float | None = None
+    """what it takes for itself while it runs on OpenCL, in float32 pictures as large as the largest that it reads or
+    makes, as measured; None: nothing where the operation is pointwise, else one"""
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
         rate = self.rates[backend]
@@ -246,6 +247,8 @@ class Operation(Generic[P]):
     departure: Callable[[P, InputFacts], Mapping[str, float]] = lambda parameters, facts: {}
     """how far the output is from an input at most, by the input's name, where that is known: an operation whose work
     would not be seen hands on that input instead"""
+    hides: Callable[[P, InputFacts], str | None] | None = None
+    """the picture, by its input's name, whose pixels it hands on wherever they cover wholly, whatever else it reads"""
     implied: Callable[[P, InputFacts], Mapping[str, Array] | str] = lambda parameters, facts: {}
     """inputs by name that were left out and depend on where a pixel lies: with them, crops of the inputs, wider by the
     footprint, give the crop of the result. Text says why nothing makes them do so."""
@@ -296,7 +299,7 @@ class Operation(Generic[P]):
         knob: Knob | None = None,
         unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None,
         stage: Callable[[P, InputFacts], Stage | None] = no_stage,
-        scratch: Callable[[P, float, InputFacts], float] | None = None,
+        scratch: float | None = None,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 

@@ -15,6 +15,7 @@ from typing import Any
 from lichen.accuracy.precision import Precision, keeping
 from lichen.image import Alpha, Space, Storage
 from lichen.operation import Error, Facts, Method, Operation, OperationParameters, Rate
+from lichen.part import Rectangle
 from lichen.planning import predict
 from lichen.stage import Stage
 
@@ -226,6 +227,8 @@ class Graph:
     """nodes that return their first input and only report what they find in it"""
     fused: tuple[tuple[str, ...], ...] = ()
     """chains of nodes, first to last, that run as one"""
+    thin: Mapping[str, Rectangle] = field(default_factory=dict)
+    """by the names of sources that are opaque outside a rectangle, that rectangle"""
     banded: tuple[Banded, ...] = ()
     """chains of what runs, of which a band after the other is made"""
 

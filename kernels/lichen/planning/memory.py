@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from lichen.accuracy.precision import Precision
 from lichen.errors import TooLarge
-from lichen.operation import Facts
+from lichen.operation import POINTWISE, Facts
 from lichen.planning.graph import TRUTH, Graph, Node, Request, inputs_of
 
 
@@ -62,10 +62,11 @@ def _scratch(node: Node, facts: Mapping[str, Facts]) -> int:
         return 0
     if choice.method == TRUTH:
         return 8 * (sum(each.samples for each in known.values()) + facts[node.name].samples)
-    method = node.operation.methods[choice.method]
-    if method.scratch is not None:
-        return int(method.scratch(node.parameters, choice.knob or 0.0, known))
-    return 0 if node.stage(facts, choice.method) is not None else 4 * largest
+    pictures = node.operation.methods[choice.method].scratch
+    if pictures is None:
+        pointwise = node.operation.footprint(node.parameters, known) == POINTWISE
+        pictures = 0.0 if pointwise else 1.0
+    return int(4 * largest * pictures)
 
 
 def refuse_too_large(graph: Graph, request: Request) -> None:

@@ -16,6 +16,7 @@ from lichen.planning.choose import choose
 from lichen.planning.error import errors, total_error, total_seconds
 from lichen.planning.fuse import fuse
 from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
+from lichen.planning.hidden import hidden
 from lichen.planning.join import concatenate, join
 from lichen.planning.light import light
 from lichen.planning.memory import peak_bytes, refuse_too_large
@@ -26,7 +27,20 @@ from lichen.planning.verdicts import outcomes, verdicts
 
 Pass = Callable[[Graph, Request], Graph]
 
-ALL: tuple[Pass, ...] = (concatenate, unread, shared, identity, light, join, region, choose, settle, fuse, bands)
+ALL: tuple[Pass, ...] = (
+    concatenate,
+    unread,
+    shared,
+    identity,
+    light,
+    join,
+    hidden,
+    region,
+    choose,
+    settle,
+    fuse,
+    bands,
+)
 NEEDED: tuple[Pass, ...] = (concatenate, light, choose, settle)
 """what `prune=false` leaves"""
 ENGINE_VERSION = "2"

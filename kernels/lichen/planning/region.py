@@ -78,7 +78,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     error=lambda p, knob, facts: EXACT,
     work=lambda p, knob, facts: float(p.width * p.height * facts["image"].channels),
     rates={"opencl": Rate(2e-5, 2.5e-10), "numpy": Rate(2e-5, 2.5e-10)},
-    scratch=lambda p, knob, facts: 0.0,
+    scratch=0.0,
 )
 class Exact:
     """A copy."""
@@ -141,12 +141,17 @@ def _asked(graph: Graph, facts: Mapping[str, Facts]) -> dict[str, Rectangle]:
         if node.name not in asked:
             ask(node.name, whole(facts[node.name]))  # nobody reads it, and it runs all the same
         if isinstance(node.parameters, Parameters):
-            ask(node.inputs["image"], node.parameters.rectangle)
+            ask(node.inputs["image"], _within(node.parameters.rectangle, asked[node.name]))
             continue
         part = needed(node, facts, asked[node.name])
         for key, source in node.inputs.items():
             ask(source, part.inputs[key] if part else whole(facts[source]))
     return asked
+
+
+def _within(outer: Rectangle, inner: Rectangle) -> Rectangle:
+    """What is told from the corner of a rectangle, told from where that one is."""
+    return outer[0] + inner[0], outer[1] + inner[1], inner[2], inner[3]
 
 
 def needed(node: Node, facts: Mapping[str, Facts], rectangle: Rectangle) -> Part | None:
@@ -204,6 +209,9 @@ class _Narrowed:
         self._taken = {*facts}
         self._covers = {name: whole(facts[name]) for name in graph.sources}
         self._moved: dict[str, Moved] = {}
+        self._crops: dict[str, tuple[str, Rectangle]] = {}
+        self._kept = {output.source for output in graph.outputs.values()}
+        self._kept |= {source for node in graph.observers for source in node.inputs.values()}
         self.parts: dict[str, Part] = {}
 
     def graph(self) -> Graph:
@@ -211,7 +219,9 @@ class _Narrowed:
 
     def add(self, node: Node) -> None:
         if isinstance(node.parameters, Parameters):
-            self._moved[node.name] = Moved(self._cut(node.inputs["image"], node.parameters.rectangle))
+            self._crops[node.name] = node.inputs["image"], node.parameters.rectangle
+            if node.name in self._kept:
+                self._moved[node.name] = Moved(self._cut(node.name, whole(self._facts[node.name])))
             return
         part = needed(node, self._facts, self._asked[node.name])
         if part is None:
@@ -224,7 +234,10 @@ class _Narrowed:
         self._append(node.replace(inputs=inputs, parameters=part.parameters))
 
     def _cut(self, source: str, rectangle: Rectangle) -> str:
-        """The name of a rectangle of a value."""
+        """The name of a rectangle of a value; of a crop it is one of what that is cut from."""
+        if source in self._crops:
+            source, outer = self._crops[source]
+            return self._cut(source, _within(outer, rectangle))
         if self._covers[source] == rectangle:
             return source
         if (source, rectangle) not in self._made:
@@ -233,11 +246,11 @@ class _Narrowed:
             )
             self._taken.add(name)
             model = Node(name, crop, Parameters(left=0, top=0, width=1, height=1), {"image": source})
-            self._append(self._within(model, source, rectangle))
+            self._append(self._placed(model, source, rectangle))
             self._made[source, rectangle] = name
         return self._made[source, rectangle]
 
-    def _within(self, node: Node, source: str, rectangle: Rectangle) -> Node:
+    def _placed(self, node: Node, source: str, rectangle: Rectangle) -> Node:
         """A crop whose rectangle is told from the corner of what there is of its source."""
         left, top, _, _ = self._covers[source]
         x, y, width, height = rectangle

@@ -260,6 +260,7 @@ def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Ra
         error=lambda p, knob, facts: error_of(kernel.name, p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts),
         rates={"opencl": rate, "numpy": Rate(3e-4, 1e-7 * kernel.taps**2)},
+        scratch=8.3 if prefiltered else 0.1,
     )(ByKernel)
 
 
@@ -293,6 +294,7 @@ class Moved(Map):
 def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
     @operation.method(
         "mip",
+        scratch=0.4,
         error=lambda p, knob, facts: error_of("mip", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts) + facts["image"].samples / 4,
         rates={"opencl": Rate(1.5e-3, 1.4e-8), "numpy": Rate(2e-3, 6e-7)},
@@ -314,6 +316,7 @@ def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
 def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
     @operation.method(
         "supersampled",
+        scratch=0.1,
         knob=POINTS,
         error=lambda p, knob, facts: error_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts) * (8 + (knob**2 if warp.shrinks(p, facts) else 0)),
@@ -338,6 +341,7 @@ def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
 def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
     @operation.method(
         "ewa",
+        scratch=0.4,
         knob=SAMPLES,
         error=lambda p, knob, facts: error_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: (
