@@ -184,3 +184,9 @@ def test_text_ends_with_the_part_that_is_wanted() -> None:
         with pytest.raises(InvalidRequest) as refused:
             read(wrong)
         assert [flaw.pointer for flaw in refused.value.flaws] == [pointer], wrong
+
+
+def test_concatenation_is_asked_for_in_so_many_words() -> None:
+    nodes = {"a": {"operation": "rotate"}, "b": {"operation": "affine", "inputs": {"image": "a"}}}
+    assert read({"nodes": nodes, "concatenate": True}).concatenate
+    assert pointers({"nodes": nodes, "concatenate": "yes"}) == {"/concatenate"}

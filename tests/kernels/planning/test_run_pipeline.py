@@ -140,3 +140,21 @@ def test_wishes_that_do_not_exist_are_named() -> None:
     with pytest.raises(InvalidRequest) as refused:
         lichen.run_pipeline("levels", PICTURE, max_errors=1, method="exact", max_ms=-1)
     assert {flaw.pointer for flaw in refused.value.flaws} == {"/max_errors", "/method", "/max_ms"}
+
+
+def test_warps_are_concatenated_where_the_pipeline_says_so() -> None:
+    """Twice as large and half as large again is the picture itself, unless it is filtered between."""
+    nodes = {
+        "up": {"operation": "affine", "parameters": {"matrix": [[2, 0, 0], [0, 2, 0]], "width": 32, "height": 24}},
+        "down": {
+            "operation": "affine",
+            "parameters": {"matrix": [[0.5, 0, 0], [0, 0.5, 0]], "width": 16, "height": 12},
+            "inputs": {"image": "up"},
+        },
+    }
+    image = np.random.default_rng(4).random((12, 16, 3), dtype=np.float32)
+    once = lichen.run_pipeline({"nodes": nodes, "concatenate": True}, image, device="numpy")["result"]
+    twice = lichen.run_pipeline({"nodes": nodes}, image, device="numpy")["result"]
+    np.testing.assert_allclose(once.image.pixels, image, atol=1e-6)
+    assert np.abs(twice.image.pixels - image).max() > 0.01
+    assert once.plan.method.startswith("down=")
