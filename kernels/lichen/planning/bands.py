@@ -5,8 +5,10 @@ what `needed` says of a band, with the step's own parameters. Rows that two band
 at least `FEWEST` times as high as the rows that all steps of its chain reach together; where that is much of the
 picture, the chain ends. Bands do the arithmetic of parts, and what is stated of those holds.
 
-Only pictures of `WORTHWHILE` bytes are cut. Below, those between steps come from memory that is kept for reuse. Larger
-ones are new memory, whose first touch costs as much as a fast step.
+Only pictures of `WORTHWHILE` bytes are cut, which is more than is kept for reuse (`lichen.memory.KEPT`): what lies
+between steps would be new memory, whose first touch costs more than a fast step. Twelve steps, boxes and levels by
+turns, take 8.9 s in bands and 23 s whole on 8192 x 8192 x 4; on 4096 x 4096 x 4, where memory is reused, 2.9 s in bands
+and 2.5 s whole.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from lichen.accuracy.precision import Precision
 from lichen.operation import Facts
 from lichen.planning.graph import TRUTH, Banded, Decision, Graph, Node, Request, inputs_of
 
-WORTHWHILE = 1 << 28
+WORTHWHILE = 1 << 29
 """Bytes of a picture."""
 BAND = 16 << 20
 """Bytes of a band, about."""
