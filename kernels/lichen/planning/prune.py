@@ -12,8 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from lichen.operation import Facts
-from lichen.planning.graph import Decision, Graph, Moved, Node, Request, rewired
+from lichen.catalogue import operation
+from lichen.image import Space
+from lichen.operation import Facts, Light
+from lichen.planning.graph import Decision, Graph, Moved, Node, Request, inputs_of, rewired
 
 
 def unread(graph: Graph, request: Request) -> Graph:
@@ -61,6 +63,8 @@ def identity(graph: Graph, request: Request) -> Graph:
     decisions = []
     for node in graph.nodes:
         reason = node.about(facts).identity
+        if reason is not None and any(facts[source].space is Space.SRGB for source in node.inputs.values()):
+            reason = node.operation.identity(node.parameters, _in_its_light(node, facts))
         if reason is None:
             continue
         source = node.first
@@ -73,6 +77,20 @@ def identity(graph: Graph, request: Request) -> Graph:
             observers.append(node)
     graph = graph.replace(observers=(*graph.observers, *observers)).reading(moved).deciding(decisions)
     return cancelled(graph, request, "identity")
+
+
+def _in_its_light(node: Node, facts: Mapping[str, Facts]) -> dict[str, Facts]:
+    """What a node will read once pictures are in its light, whose range is another."""
+    known = inputs_of(node, facts)
+    if node.operation.light is not Light.LINEAR or node.operation.as_stored(node.parameters):
+        return known
+    transfer = operation("transfer")
+    decode = transfer.validate({"direction": "decode"})
+    pictures = {each.name for each in node.operation.inputs if each.picture}
+    return {
+        key: transfer.result(decode, {"image": each}) if key in pictures and each.space is Space.SRGB else each
+        for key, each in known.items()
+    }
 
 
 def cancelled(graph: Graph, request: Request, cause: str, among: Iterable[str] | None = None) -> Graph:

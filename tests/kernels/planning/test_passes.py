@@ -82,6 +82,14 @@ def test_what_a_node_that_reports_reads_is_read() -> None:
     assert names(made.only("a")) == ["a"]
 
 
+def test_an_identity_that_depends_on_the_range_is_told_in_the_light_it_is_computed_in() -> None:
+    """Display values from -5 to 5 are light from -48 to 48: more than the threshold."""
+    wide = dataclasses.replace(PICTURE, space=Space.SRGB, extent=Extent(-5.0, 5.0, 0))
+    sharper = node("a", "sharpen", "in", threshold=20)
+    assert names(identity(graph(sharper, facts=wide), Request())) == ["a"]
+    assert names(identity(graph(sharper, facts=dataclasses.replace(wide, space=Space.DATA)), Request())) == []
+
+
 def test_equal_work_is_done_once_along_whole_chains() -> None:
     nodes = [
         node(f"{letter}{number}", "gaussian", "in" if number == 1 else f"{letter}{number - 1}", sigma=number)
