@@ -19,8 +19,9 @@ from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.opencl.programs import compose
 from lichen.operation import Facts, Inputs
+from lichen.planning.bands import spans
 from lichen.planning.fuse import stage_of, text_of
-from lichen.planning.graph import TRUTH, Graph, Node
+from lichen.planning.graph import TRUTH, Banded, Graph, Node
 from lichen.planning.memory import last_readers
 from lichen.planning.plan import Plan
 
@@ -37,15 +38,21 @@ def computed(
     timing["kernel"] = 0.0
     findings: Findings = {}
     chains = {chain[-1]: [plan.graph.named(name) for name in chain] for chain in plan.graph.fused}
+    banded = {each.steps[-1]: each for each in plan.graph.banded}
+
+    def step(node: Node, inputs: Inputs) -> Array:
+        if node.name in chains and device is not None:
+            return by_chain(chains[node.name], plan.graph, inputs, device)
+        return by_method(node, inputs, device)
 
     def timed(node: Node, inputs: Inputs) -> Array:
         started = time.perf_counter()
         if plan.graph.precision is Precision.FLOAT64:
             pixels = by_definition(node, inputs)
-        elif node.name in chains and device is not None:
-            pixels = by_chain(chains[node.name], plan.graph, inputs, device)
+        elif node.name in banded:
+            pixels = by_bands(banded[node.name], plan.graph, inputs, step)
         else:
-            pixels = by_method(node, inputs, device)
+            pixels = step(node, inputs)
         timing[f"kernel.{node.name}"] = time.perf_counter() - started
         timing["kernel"] += timing[f"kernel.{node.name}"]
         observed(node, inputs, pixels)
@@ -62,7 +69,7 @@ def computed(
 
 def exact(graph: Graph, sources: Mapping[str, Image]) -> Array:
     """The exact output of a graph that has one, float64: every node by definition, nothing rounded between. Slow."""
-    (made,) = walk(graph.replace(precision=Precision.FLOAT64, fused=()), sources, by_definition).values()
+    (made,) = walk(graph.replace(precision=Precision.FLOAT64, fused=(), banded=()), sources, by_definition).values()
     return made.pixels.astype(np.float64, copy=False)
 
 
@@ -101,6 +108,25 @@ def by_chain(nodes: Sequence[Node], graph: Graph, inputs: Inputs, device: Device
     count = image.height * image.width
     with device.session() as session:
         session.launch(source, "fused", (-(-count // 16),), pixels, session.write(out), numbers, np.int32(count))
+    return out
+
+
+def by_bands(banded: Banded, graph: Graph, inputs: Inputs, step: Compute) -> Array:
+    """What a chain of steps makes, a band of rows after the other. Of each step no more is made than the next reads."""
+    facts = graph.facts()
+    found = {node.name: node for node in graph.steps()}
+    steps = [found[name] for name in banded.steps]
+    (image,) = inputs.values()
+    made = facts[banded.steps[-1]]
+    out = aligned_empty((made.height, made.width, made.channels))
+    for start in range(0, made.height, banded.rows):
+        (top, end), *rows = spans(banded, start, made.height)
+        band = image.replace(pixels=image.pixels[top:end])
+        for node, (first, last) in zip(steps, rows, strict=True):
+            known = facts[node.name]
+            pixels = step(node, {next(iter(node.inputs)): band})[first - top : last - top]
+            band, top = Image(pixels, known.space, known.alpha, image.storage, image.metadata), first
+        out[start : start + len(band.pixels)] = band.pixels
     return out
 
 

@@ -6,9 +6,9 @@ and the accuracy tables read that declaration; none of them knows any operation 
 
 The parts, in the order a reader meets them:
 
-* `OperationParameters`: a frozen pydantic model; units are annotations (`Pixels`, `Degrees`).
+* `OperationParameters` (in `parameters`): a frozen pydantic model; units are annotations (`Pixels`, `Degrees`).
+* `Footprint`, `Part` (in `part`): which input pixels an output pixel depends on, and how a part of a result is made.
 * `Input`: a named image the operation reads.
-* `Footprint`: which input pixels an output pixel depends on.
 * `Facts`: what is known of an image without its pixels; predictions are made from facts alone.
 * `Method`: one way to compute the operation, on every backend, with the error it can make and the work it takes.
 * `HardCase`: an input that breaks naive code, and what must hold.
@@ -18,55 +18,39 @@ The parts, in the order a reader meets them:
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, Protocol, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar, get_args, get_origin
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 
 from lichen.errors import Flaw, InvalidRequest, parameter_flaws
 from lichen.image import Alpha, Extent, Image, Space
+from lichen.joining import Link
 from lichen.memory import Array
+from lichen.parameters import Border as Border
+from lichen.parameters import Degrees as Degrees
+from lichen.parameters import OperationParameters as OperationParameters
+from lichen.parameters import Pixels as Pixels
+from lichen.part import POINTWISE as POINTWISE
+from lichen.part import WHOLE as WHOLE
+from lichen.part import Footprint as Footprint
+from lichen.part import Part, Rectangle
+from lichen.part import halo as halo
 from lichen.stage import Stage, no_stage
 from lichen.study import Study
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
-# ---------------------------------------------------------------------------------------------------- parameters
-
-Pixels = Annotated[float, Field(json_schema_extra={"unit": "px"})]
-Degrees = Annotated[float, Field(json_schema_extra={"unit": "deg"})]
-
-
-class Border(StrEnum):
-    """How an image continues beyond its edge, for the row a b c d."""
-
-    REFLECT = "reflect"
-    """c b a | a b c d | d c b (half-sample symmetric)"""
-    REFLECT101 = "reflect101"
-    """d c b | a b c d | c b a (whole-sample symmetric)"""
-    CLAMP = "clamp"
-    """a a a | a b c d | d d d"""
-    WRAP = "wrap"
-    """b c d | a b c d | a b c"""
-    CONSTANT = "constant"
-    """v v v | a b c d | v v v"""
-
-
-class OperationParameters(BaseModel):
-    """Base of every operation's parameters: frozen, no unknown fields, no NaN or infinity."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
-
-
 P = TypeVar("P", bound=OperationParameters)
 P_contra = TypeVar("P_contra", bound=OperationParameters, contravariant=True)
 
-# -------------------------------------------------------------------------------------------- inputs and geometry
+# -------------------------------------------------------------------------------------------------------- inputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,30 +66,6 @@ class Input:
     channels: tuple[int, int | None] = (1, None)
     required: bool = True
     picture: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class Footprint:
-    """The output pixel (x, y) depends on inputs within `rows` above and below and `columns` left and right.
-
-    None means the whole extent in that direction. Where the image `wraps`, distances are taken around its edges.
-    """
-
-    rows: int | None
-    columns: int | None
-    wraps: bool = False
-
-    @property
-    def sides(self) -> tuple[int | None, int | None]:
-        return self.rows, self.columns
-
-
-POINTWISE = Footprint(0, 0)
-WHOLE = Footprint(None, None)
-
-
-def halo(radius: int) -> Footprint:
-    return Footprint(radius, radius)
 
 
 class Light(StrEnum):
@@ -140,7 +100,12 @@ class Facts:
 
     @classmethod
     def of(cls, image: Image) -> Facts:
-        return cls(image.height, image.width, image.channels, image.space, image.alpha, image.extent, image.pages)
+        return dataclasses.replace(cls.sized(image), extent=image.extent)
+
+    @classmethod
+    def sized(cls, image: Image) -> Facts:
+        """What is known of a picture without a look at its pixels: its extent means nothing."""
+        return cls(image.height, image.width, image.channels, image.space, image.alpha, pages=image.pages)
 
 
 Inputs = Mapping[str, Image]
@@ -227,6 +192,9 @@ class Method(Generic[P]):
     unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None
     stage: Callable[[P, InputFacts], Stage | None] = no_stage
     """what it is as a step of a fused chain on OpenCL, where it is pointwise and reads one picture"""
+    scratch: float | None = None
+    """what it takes for itself while it runs on OpenCL, in float32 pictures as large as the largest that it reads or
+    makes, as measured; None: nothing where the operation is pointwise, else one"""
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
         rate = self.rates[backend]
@@ -280,9 +248,16 @@ class Operation(Generic[P]):
     departure: Callable[[P, InputFacts], Mapping[str, float]] = lambda parameters, facts: {}
     """how far the output is from an input at most, by the input's name, where that is known: an operation whose work
     would not be seen hands on that input instead"""
+    hides: Callable[[P, InputFacts], str | None] | None = None
+    """the picture, by its input's name, whose pixels it hands on wherever they cover wholly, whatever else it reads"""
     implied: Callable[[P, InputFacts], Mapping[str, Array] | str] = lambda parameters, facts: {}
     """inputs by name that were left out and depend on where a pixel lies: with them, crops of the inputs, wider by the
     footprint, give the crop of the result. Text says why nothing makes them do so."""
+    part: Callable[[P, InputFacts, Rectangle], Part | None] | None = None
+    """how a rectangle of the result is made where the footprint does not tell; None where only the whole can be. What
+    it declares holds for its findings, too: those of a part are those of the whole."""
+    link: Callable[[P, InputFacts], Link | None] = lambda parameters, facts: None
+    """what it is for neighbours that might be joined with it"""
     inverse: Callable[[P], P | None] = lambda parameters: None
     """parameters with which this operation undoes itself, or None"""
     wants_alpha: Alpha | None = None
@@ -327,12 +302,15 @@ class Operation(Generic[P]):
         knob: Knob | None = None,
         unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None,
         stage: Callable[[P, InputFacts], Stage | None] = no_stage,
+        scratch: float | None = None,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
-            self.methods[name] = Method(name, description, implementation, error, work, rates, knob, unfit, stage)
+            self.methods[name] = Method(
+                name, description, implementation, error, work, rates, knob, unfit, stage, scratch
+            )
             return implementation
 
         return register

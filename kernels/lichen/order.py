@@ -20,7 +20,7 @@ from lichen.catalogue import operation
 from lichen.errors import Flaw, InvalidRequest, NonfiniteInput, nearest
 from lichen.image import Alpha, Image, Space, Storage, as_image, repaired
 from lichen.operation import Facts, Operation
-from lichen.planning.check import flaws_of_crop, flowing, unfit, unmeasured
+from lichen.planning.check import flaws_of_crop, flowing, unfit
 from lichen.planning.graph import RESULT, Asked, Graph, Node, Output, Request
 from lichen.planning.pipeline import INPUT, Exit, Pipeline, escaped, nodes_of, read
 
@@ -93,7 +93,7 @@ class Order:
 
         Raises `InvalidRequest` for pictures that an operation does not take.
         """
-        sources = {name: unmeasured(image) for name, image in self.images.items()}
+        sources = {name: Facts.sized(image) for name, image in self.images.items()}
         self.refuse_flaws(sources)
         known = Graph(sources, self.nodes, self.outputs).facts()
         facts = {name: known[output.source] for name, output in self.outputs.items()}
@@ -177,6 +177,7 @@ def read_pipeline_order(
     if pipeline is None or flaws:
         raise InvalidRequest(f"The pipeline has {len(flaws)} flaw(s).", flaws)
     policed = _policed(images, Nonfinite(wish.nonfinite))
+    request = dataclasses.replace(request, concatenate=pipeline.concatenate)
     return Order("a pipeline", nodes, policed, outputs, request, precision, wish.verify, pointers=True)
 
 
@@ -300,7 +301,7 @@ def _images(
         except InvalidRequest as invalid:
             flaws.extend(invalid.flaws)
             continue
-        flaws += unfit(declared, unmeasured(image))
+        flaws += unfit(declared, Facts.sized(image))
         images[declared.name] = image
     return images
 

@@ -62,7 +62,7 @@ class Window:
 
 def verify(graph: Graph, sources: Mapping[str, Image], image: Image) -> Verification:
     """Compare `image`, the output of `graph`, with truth. The graph's precision is what is judged, too."""
-    graph = graph.replace(precision=Precision.FLOAT32, fused=())
+    graph = graph.replace(precision=Precision.FLOAT32, fused=(), banded=())
     height, width = image.height, image.width
     dear = _seconds(graph, height, width)
     reach = _reach(graph, height, width)

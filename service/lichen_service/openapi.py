@@ -128,7 +128,8 @@ def _accuracy_path(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
 
 def _pipelines_path() -> dict[str, Any]:
     named = {"type": "object", "additionalProperties": {"type": "object"}}
-    document = {"type": "object", "properties": {"nodes": named, "outputs": named}, "required": ["nodes"]}
+    parts = {"nodes": named, "outputs": named, "concatenate": {"type": "boolean"}}
+    document = {"type": "object", "properties": parts, "required": ["nodes"]}
     form = {
         "type": "object",
         "properties": {"pipeline": document},

@@ -146,7 +146,7 @@ def relocated() -> Iterator[None]:
 
 
 _OWN = (
-    "parameters", "inputs", "query", "nodes", "outputs", "pipeline",
+    "parameters", "inputs", "query", "nodes", "outputs", "concatenate", "pipeline",
     "scene", "camera", "objects", "buffers", "lights", "ambient", "surface", "fog", "environment", "lens", "shutter",
     "background", "output",
 )  # fmt: skip

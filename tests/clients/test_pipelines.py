@@ -41,6 +41,9 @@ def test_a_built_pipeline_is_one_the_library_reads() -> None:
     assert nodes[0].asked.method == "fir"
     assert nodes[1].inputs == {"image": "input.image", "base": "gaussian"}
     assert read(json.dumps(p.to_json())).outputs["soft"].format == "png"
+    assert not read(p.to_json()).concatenate
+    p.concatenate = True
+    assert read(p.to_json()).concatenate
 
 
 def test_the_first_input_is_found_whatever_it_is_called() -> None:

@@ -39,10 +39,13 @@ class Value:
 
 @dataclass(eq=False)
 class Pipeline:
-    """A graph of operations. Without `output` what the last node makes comes out, as `result`."""
+    """A graph of operations. Without `output` what the last node makes comes out, as `result`.
+
+    With `concatenate`, warps that follow one another are one, and the image is filtered once: another picture."""
 
     nodes: dict[str, dict[str, Any]] = field(default_factory=dict)
     outputs: dict[str, dict[str, Any]] = field(default_factory=dict)
+    concatenate: bool = False
 
     def input(self, name: str = "image") -> Value:
         """A picture that is sent along under this name."""
@@ -89,7 +92,8 @@ class Pipeline:
         if not self.nodes and not self.outputs:
             raise ValueError("the pipeline is empty")
         outputs = self.outputs or {"result": {"node": list(self.nodes)[-1]}}
-        return {"nodes": self.nodes, "outputs": outputs}
+        said: dict[str, Any] = {"nodes": self.nodes, "outputs": outputs}
+        return {**said, "concatenate": True} if self.concatenate else said
 
     def _free(self, operation: str) -> str:
         count = 1

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache
 from itertools import product
 
 from lichen.errors import Flaw, Unattainable
 from lichen.operation import Error, Facts
 from lichen.planning.error import Choices, errors, total_error, total_seconds
-from lichen.planning.graph import Candidate, Graph, Node, Request
+from lichen.planning.graph import Candidate, Graph, Node, Offers, Request
 
 Measure = Callable[[Error], float]
 
@@ -38,7 +38,7 @@ class Problem:
     graph: Graph
     facts: Mapping[str, Facts]
     request: Request
-    usable: Mapping[str, Sequence[Candidate]]
+    usable: Mapping[str, Offers]
     targets: Mapping[str, float]
     measures: Sequence[tuple[str, Measure]]
 
@@ -82,13 +82,14 @@ def within_error(problem: Problem) -> Choices:
     return {node.name: _customary(node, usable[node.name]) or choices[node.name] for node in problem.graph.nodes}
 
 
-def _most_accurate(usable: Mapping[str, Sequence[Candidate]], measure: Measure) -> dict[str, Candidate]:
-    key = partial(_by_error, measure)
-    return {name: offers[0] if len(offers) == 1 else min(offers, key=key) for name, offers in usable.items()}
+def _most_accurate(usable: Mapping[str, Offers], measure: Measure) -> dict[str, Candidate]:
+    key = _by_error(measure)
+    return {name: offers.least(key) for name, offers in usable.items()}
 
 
-def _by_error(measure: Measure, offer: Candidate) -> tuple[float, float, float]:
-    return measure(offer.error), offer.error.usual, offer.seconds
+@cache
+def _by_error(measure: Measure) -> Callable[[Candidate], tuple[float, float, float]]:
+    return lambda offer: (measure(offer.error), offer.error.usual, offer.seconds)
 
 
 def _customary(node: Node, offers: Sequence[Candidate]) -> Candidate | None:
@@ -99,8 +100,7 @@ def _customary(node: Node, offers: Sequence[Candidate]) -> Candidate | None:
 def _cheapest(problem: Problem, choices: Choices, measure: Measure, targets: Mapping[str, float]) -> Choices:
     """From choices that meet the targets to the cheapest that still do."""
     scaled = Problem(problem.graph, problem.facts, problem.request, problem.usable, targets, problem.measures)
-    offered = problem.usable.items()
-    quickest = {name: offers[0] if len(offers) == 1 else min(offers, key=_by_time) for name, offers in offered}
+    quickest = {name: offers.least(_by_time) for name, offers in problem.usable.items()}
     if scaled.excess(quickest, measure) <= 1:
         return quickest
     trials = sum(len(offers) for offers in problem.usable.values())
@@ -198,6 +198,10 @@ def within_time(problem: Problem) -> Choices:
     return fitting[min(meeting, key=lambda i: problem.seconds(fitting[i]))]
 
 
+def _largest(error: Error) -> float:
+    return error.value
+
+
 def _varied(problem: Problem, fastest: Choices, budget: float) -> list[Choices]:
     """All candidates of the one node that was asked for, beside the fastest of the others."""
     names = [node.name for node in problem.graph.nodes]
@@ -209,10 +213,7 @@ def _varied(problem: Problem, fastest: Choices, budget: float) -> list[Choices]:
 def _bisected(problem: Problem, fastest: Choices, budget: float) -> list[Choices]:
     """Choices that fit, for errors between those of the most accurate and of the fastest."""
 
-    def measure(error: Error) -> float:
-        return error.value
-
-    accurate = _most_accurate(problem.usable, measure)
+    accurate = _most_accurate(problem.usable, _largest)
     if problem.seconds(accurate) <= budget:
         return [fastest, accurate]
     low, high = problem.error(accurate).value, problem.error(fastest).value
@@ -220,7 +221,7 @@ def _bisected(problem: Problem, fastest: Choices, budget: float) -> list[Choices
     asked = problem.request.max_error
     for step in range(STEPS):
         middle = asked if asked is not None and step == 0 and low <= asked <= high else max(low * high, 0.0) ** 0.5
-        trial = _cheapest(problem, accurate, measure, dict.fromkeys(problem.targets, middle))
+        trial = _cheapest(problem, accurate, _largest, dict.fromkeys(problem.targets, middle))
         if problem.seconds(trial) <= budget:
             fitting.append(trial)
             high = middle

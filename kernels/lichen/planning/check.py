@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from lichen.errors import Flaw
-from lichen.image import Image
 from lichen.operation import Facts, Input
 from lichen.planning.graph import Node, Output
 
@@ -60,8 +59,3 @@ def unfit(declared: Input, facts: Facts) -> list[Flaw]:
     if facts.pages > 1:
         flaws.append(Flaw(pointer, f"must be one picture (has {facts.pages} pages)"))
     return flaws
-
-
-def unmeasured(image: Image) -> Facts:
-    """What is known of a picture without a look at its pixels: its extent means nothing."""
-    return Facts(image.height, image.width, image.channels, image.space, image.alpha, pages=image.pages)

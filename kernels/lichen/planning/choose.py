@@ -28,7 +28,19 @@ from lichen.errors import Flaw, InvalidRequest, Unattainable, nearest
 from lichen.image import Storage
 from lichen.operation import ROUNDING, Error, Facts, Method
 from lichen.planning.budget import Problem, within_error, within_time
-from lichen.planning.graph import FREE, TRUTH, Candidate, Decision, Graph, Node, Output, Request, inputs_of
+from lichen.planning.graph import (
+    FREE,
+    NOTHING,
+    TRUTH,
+    Candidate,
+    Decision,
+    Graph,
+    Node,
+    Offers,
+    Output,
+    Request,
+    inputs_of,
+)
 from lichen.planning.predict import Offer
 
 DOUBLE_ROUNDING = 2.0**-40
@@ -43,14 +55,12 @@ def choose(graph: Graph, request: Request) -> Graph:
     facts = graph.facts()
     candidates = _definition if graph.precision is Precision.FLOAT64 else _candidates
     offers = {node.name: candidates(node, facts, request) for node in graph.nodes}
-    usable = {name: [offer for offer in offered if offer.unfit is None] for name, offered in offers.items()}
+    usable = {name: offered.usable for name, offered in offers.items()}
     _refuse_unusable(graph, request, offers, usable)
     targets = {name: target_error(facts[each.source], each, request) for name, each in graph.outputs.items()}
     problem = Problem(graph, facts, request, usable, targets, measures(request))
     choices = within_time(problem) if request.max_ms is not None else _within_error(problem, offers)
-    nodes = tuple(
-        node.replace(choice=choices[node.name], alternatives=tuple(offers[node.name])) for node in graph.nodes
-    )
+    nodes = tuple(node.chosen(choices[node.name], offers[node.name]) for node in graph.nodes)
     said = _reason(request, min(targets.values()))
     return graph.replace(nodes=nodes).deciding(
         Decision("choose", node.name, f"method {_label(node.choice)}", said, node.choice.error.value, _saved(node))
@@ -59,7 +69,7 @@ def choose(graph: Graph, request: Request) -> Graph:
     )
 
 
-def _within_error(problem: Problem, offers: dict[str, list[Candidate]]) -> Mapping[str, Candidate]:
+def _within_error(problem: Problem, offers: dict[str, Offers]) -> Mapping[str, Candidate]:
     """The cheapest methods that are accurate enough; with definitions among them only where there are none."""
     try:
         return within_error(problem)
@@ -68,13 +78,14 @@ def _within_error(problem: Problem, offers: dict[str, list[Candidate]]) -> Mappi
         if not free or not problem.graph.precision.lossless:
             raise
         for node in free:
-            offers[node.name] += _definition(node, problem.facts, problem.request, DOUBLE_ROUNDING + ROUNDING)
-        usable = {name: [offer for offer in each if offer.unfit is None] for name, each in offers.items()}
+            by_truth = _definition(node, problem.facts, problem.request, DOUBLE_ROUNDING + ROUNDING)
+            offers[node.name] = Offers([*offers[node.name], *by_truth])
+        usable = {name: each.usable for name, each in offers.items()}
         return within_error(dataclasses.replace(problem, usable=usable))
 
 
 def _refuse_unusable(
-    graph: Graph, request: Request, offers: Mapping[str, list[Candidate]], usable: Mapping[str, list[Candidate]]
+    graph: Graph, request: Request, offers: Mapping[str, Offers], usable: Mapping[str, Offers]
 ) -> None:
     flaws = []
     for node in graph.nodes:
@@ -92,17 +103,26 @@ def _where(node: Node, request: Request, pointer: str) -> str:
     return pointer if request.target else f"/nodes/{node.name}{pointer}"
 
 
-def _definition(
-    node: Node, facts: Mapping[str, Facts], request: Request, relative: float = DOUBLE_ROUNDING
-) -> list[Candidate]:
+def _definition(node: Node, facts: Mapping[str, Facts], request: Request, relative: float = DOUBLE_ROUNDING) -> Offers:
     """Truth itself, in doubles, with its rounding relative to the output's magnitude."""
     rounding = relative * facts[node.name].extent.magnitude
     seconds = node.operation.truth_seconds(node.parameters, inputs_of(node, facts))
-    return [Candidate(TRUTH, None, Error(rounding, "bound", rounding), seconds)]
+    return Offers([Candidate(TRUTH, None, Error(rounding, "bound", rounding), seconds)])
 
 
-def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> list[Candidate]:
-    """All methods at all knob values, or those that were asked for; unfit ones carry their reason."""
+def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> Offers:
+    """All methods at all knob values, or those that were asked for; unfit ones carry their reason. Of a node of which
+    nothing is asked they are made once for the same rates."""
+    if node.asked != FREE:
+        return _sought(node, facts, request)
+    kept, question = node.about(facts).kept, (request.backend, request.prune, request.max_ms is None)
+    rates, found = kept.get(question, (None, NOTHING))
+    offers: Offers = found if rates is request.rates else _sought(node, facts, request)
+    kept[question] = request.rates, offers
+    return offers
+
+
+def _sought(node: Node, facts: Mapping[str, Facts], request: Request) -> Offers:
     asked, methods = node.asked, node.operation.methods
     if asked.method is not None and asked.method not in methods:
         raise InvalidRequest(
@@ -127,7 +147,7 @@ def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> lis
         )
     if request.prune and (asked.method, asked.knobs) == (FREE.method, FREE.knobs) and not node.operation.finds:
         offers += _left_out(node, facts, request)
-    return _accurate(node, offers, request) if asked.max_error is not None else offers
+    return Offers(_accurate(node, offers, request) if asked.max_error is not None else offers)
 
 
 def _settings(
@@ -147,7 +167,7 @@ def _left_out(node: Node, facts: Mapping[str, Facts], request: Request) -> Itera
     known, made = inputs_of(node, facts), facts[node.name]
     if any(each.extent.nonfinite for each in known.values()):
         return
-    for key, change in node.operation.departure(node.parameters, known).items():
+    for key, change in node.about(facts).departure.items():
         if _alike(known[key], made) and (change == 0 or request.max_ms is None):
             yield Candidate(LEFT_OUT, None, Error(change, "bound"), 0.0, passes=key)
 
@@ -189,19 +209,31 @@ def target_error(facts: Facts, output: Output, request: Request) -> float:
 def measures(request: Request) -> tuple[tuple[str, Callable[[Error], float]], ...]:
     """The errors by which a choice may be good enough, with their names, the strictest first."""
     if request.max_error is not None:
-        return (("an error", lambda error: error.value),)
-    return (
-        ("an error", lambda error: error.value - error.rounding),
-        ("a typical error", lambda error: error.usual - error.rounding),
-    )
+        return (("an error", largest),)
+    return ("an error", beyond_rounding), ("a typical error", typical_beyond_rounding)
+
+
+def largest(error: Error) -> float:
+    return error.value
+
+
+def beyond_rounding(error: Error) -> float:
+    return error.value - error.rounding
+
+
+def typical_beyond_rounding(error: Error) -> float:
+    return error.usual - error.rounding
 
 
 def _saved(node: Node) -> float:
     """Milliseconds that the choice saves against the most accurate candidate."""
-    usable = [offer for offer in node.alternatives if offer.unfit is None and offer.passes is None]
-    best = min(usable, key=lambda offer: (offer.error.value, offer.seconds))
     assert node.choice is not None
-    return max(best.seconds - node.choice.seconds, 0.0) * 1e3
+    return max(node.alternatives.least(_most_accurate).seconds - node.choice.seconds, 0.0) * 1e3
+
+
+def _most_accurate(offer: Candidate) -> tuple[bool, float, float]:
+    """Of those that can be taken and do something."""
+    return offer.unfit is not None or offer.passes is not None, offer.error.value, offer.seconds
 
 
 def _label(choice: Candidate) -> str:

@@ -1,7 +1,9 @@
 """How far the outputs of a graph may be from truth, and how long it takes, by the choices made for its nodes.
 
 The error is carried forward: what reaches a node passes through its modulus of continuity, and its own method's error
-is added. What work that was left out would have changed arrives at the readers of what it left (`inherited`).
+is added. Inputs that err by all of it and inputs that err by its rounding alone are no further apart than the rest, so
+what is carried of the rest is what lies beyond rounding, also where the modulus jumps. What work that was left out
+would have changed arrives at the readers of what it left (`inherited`).
 """
 
 from __future__ import annotations
@@ -19,11 +21,12 @@ Choices = Mapping[str, Candidate]
 
 def errors(graph: Graph, facts: Mapping[str, Facts], choices: Choices) -> dict[str, Error]:
     """Predicted error of every output, with every node by its choice."""
+    lossless = graph.precision.lossless
     reached = {name: _kept(EXACT, known, graph.precision, source=True) for name, known in graph.sources.items()}
     for node in graph.nodes:
         own = choices[node.name].error
         made = _made(node, own, facts, reached)
-        reached[node.name] = _kept(made, facts[node.name], graph.precision, own.rounding)
+        reached[node.name] = made if lossless else _kept(made, facts[node.name], graph.precision, own.rounding)
     return {name: _off(reached[each.source], each.inherited) for name, each in graph.outputs.items()}
 
 
@@ -41,20 +44,24 @@ def _made(node: Node, own: Error, facts: Mapping[str, Facts], reached: Mapping[s
 
     What reaches an input that is data passes through no modulus: the result is then known by its range alone.
     """
-    arriving = [_off(reached[source], node.inherited.get(key, 0.0)) for key, source in node.inputs.items()]
-    if len(arriving) == 1:
+    about = node.about(facts)
+    if len(node.inputs) == 1 and not node.inherited:
+        (source,) = node.inputs.values()
+        arriving = [reached[source]]
         worst, rounded, often = arriving[0].value, arriving[0].rounding, arriving[0].usual
     else:
+        arriving = [_off(reached[source], node.inherited.get(key, 0.0)) for key, source in node.inputs.items()]
         worst = max((error.value for error in arriving), default=0.0)
         rounded = max((error.rounding for error in arriving), default=0.0)
         often = max((error.usual for error in arriving), default=0.0)
-    value = node.carried(facts, worst)
-    rounding = value if rounded == worst else node.carried(facts, rounded)
-    usual = value if often == worst else node.carried(facts, often)
-    proved = own.kind == "bound" and all(error.kind == "bound" for error in arriving)
-    kind: Literal["bound", "estimate"] = "bound" if proved else "estimate"
+    value = about.carried(worst) if worst else 0.0
+    rounding = value if rounded == worst else max(value - about.carried(worst - rounded), 0.0)
+    usual = value if often == worst else about.carried(often) if often else 0.0
+    kind: Literal["bound", "estimate"] = "bound"
+    if own.kind != "bound" or any(error.kind != "bound" for error in arriving):
+        kind = "estimate"
     largest = value + own.value
-    if worst and any(error.value for key, error in zip(node.inputs, arriving, strict=True) if key in _data(node)):
+    if worst and about.data and any(arriving[number].value for number in about.data):
         largest = facts[node.name].extent.spread + own.rounding
     return Error(largest, kind, rounding + own.rounding, usual + own.usual)
 
@@ -62,11 +69,6 @@ def _made(node: Node, own: Error, facts: Mapping[str, Facts], reached: Mapping[s
 def _off(error: Error, by: float) -> Error:
     """An error that is larger by a proved amount."""
     return Error(error.value + by, error.kind, error.rounding, error.usual + by) if by else error
-
-
-def _data(node: Node) -> list[str]:
-    """The inputs of a node that are no pictures."""
-    return [each.name for each in node.operation.inputs if not each.picture and each.name in node.inputs]
 
 
 def _kept(error: Error, facts: Facts, precision: Precision, slack: float = 0.0, *, source: bool = False) -> Error:

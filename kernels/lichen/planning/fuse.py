@@ -8,7 +8,7 @@ numbers are its argument, so that pipelines of one shape share a program.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 
 from lichen.accuracy.precision import Precision
 from lichen.image import Alpha
@@ -31,8 +31,12 @@ def fuse(graph: Graph, request: Request) -> Graph:
     if request.backend != "opencl" or graph.precision is not Precision.FLOAT32:
         return graph
     facts = graph.facts()
-    graph = _linked(graph, facts, request)
     stages = {node.name for node in graph.nodes if stage_of(node, facts) is not None}
+    linked = _linked(graph, facts, request, stages)
+    if linked is not graph:
+        graph, stages = linked, {node.name for node in linked.nodes if stage_of(node, facts) is not None}
+    if len(stages) < 2:
+        return graph
     readers: dict[str, list[str]] = {}
     for node in (*graph.nodes, *graph.observers):
         for source in node.inputs.values():
@@ -53,49 +57,59 @@ def fuse(graph: Graph, request: Request) -> Graph:
     return graph.replace(fused=found).deciding(_decision(chain, facts) for chain in found)
 
 
-def _linked(graph: Graph, facts: Mapping[str, Facts], request: Request) -> Graph:
+def _linked(graph: Graph, facts: Mapping[str, Facts], request: Request, staged: Set[str]) -> Graph:
     """With methods that are stages in place of others between stages, where that is quicker and the errors allow it."""
-    if request.max_ms is not None:
+    near = {source for node in graph.nodes if node.name in staged for source in node.inputs.values()}
+    offered = {
+        node.name: offers
+        for node in graph.nodes
+        if node.name not in staged and (node.name in near or node.first in staged)
+        if (offers := _stages_among(node, facts))
+    }
+    if request.max_ms is not None or not offered:
         return graph
     choices = {node.name: node.choice for node in graph.nodes if node.choice is not None}
     targets = {name: target_error(facts[each.source], each, request) for name, each in graph.outputs.items()}
     problem = Problem(graph, facts, request, {}, targets, measures(request))
     kept = [measure for _, measure in problem.measures if problem.excess(choices, measure) <= 1][:1]
-    staged = {node.name for node in graph.nodes if stage_of(node, facts) is not None}
-    near = {source for node in graph.nodes if node.name in staged for source in node.inputs.values()}
-    for node in graph.nodes:
-        if node.name in staged or not (node.name in near or node.first in staged):
-            continue
-        for offer in _stages_among(node, facts):
-            trial = {**choices, node.name: offer}
+    for name, offers in offered.items():
+        for offer in offers:
+            trial = {**choices, name: offer}
             if all(problem.excess(trial, measure) <= 1 for measure in kept):
                 choices = trial
                 break
-    return graph.replace(nodes=tuple(node.replace(choice=choices[node.name]) for node in graph.nodes))
+    return graph.replace(nodes=tuple(node.chosen(choices[node.name], node.alternatives) for node in graph.nodes))
 
 
 def _stages_among(node: Node, facts: Mapping[str, Facts]) -> list[Candidate]:
     """The candidates that are stages and, with what a link saves, no slower than the choice."""
-    if node.choice is None:
+    methods = _staged(node, facts)
+    if node.choice is None or not methods:
         return []
     most = node.choice.seconds + MOVED["start"] + MOVED["step"] * facts[node.name].samples
-    usable = [offer for offer in node.alternatives if offer.unfit is None and offer.passes is None]
-    return [o for o in usable if o.seconds <= most and _stage_by(o.method, node, facts) is not None]
+    return [
+        offer
+        for offer in node.alternatives
+        if offer.method in methods and offer.unfit is None and offer.passes is None and offer.seconds <= most
+    ]
 
 
 def stage_of(node: Node, facts: Mapping[str, Facts]) -> Stage | None:
     """The node as a stage, where its method is one and its picture fits."""
-    return None if node.choice is None else _stage_by(node.choice.method, node, facts)
-
-
-def _stage_by(method: str, node: Node, facts: Mapping[str, Facts]) -> Stage | None:
-    if method not in node.operation.methods or len(node.inputs) != 1 or node.operation.finds:
+    if node.choice is None or node.choice.method not in _staged(node, facts):
         return None
+    return node.stage(facts, node.choice.method)
+
+
+def _staged(node: Node, facts: Mapping[str, Facts]) -> tuple[str, ...]:
+    """The methods by which a node would be a stage."""
+    if len(node.inputs) != 1 or node.operation.finds:
+        return ()
     (source,) = node.inputs.values()
     image, made = facts[source], facts[node.name]
     if image.channels not in CHANNELS or not _alike(image, made):
-        return None
-    return node.stage(facts, method)
+        return ()
+    return node.about(facts).staged
 
 
 def _alike(one: Facts, other: Facts) -> bool:

@@ -7,13 +7,15 @@ at a pixel.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from lichen.accuracy.precision import Precision, keeping
 from lichen.image import Alpha, Space, Storage
 from lichen.operation import Error, Facts, Method, Operation, OperationParameters, Rate
+from lichen.part import Rectangle
 from lichen.planning import predict
 from lichen.stage import Stage
 
@@ -58,6 +60,28 @@ class Candidate:
     """the input that is handed on as it is, where the method is to leave the node out"""
 
 
+class Offers(tuple[Candidate, ...]):
+    """Candidates of a node. What is sought among them is found once."""
+
+    def least(self, key: Callable[[Candidate], Any]) -> Candidate:
+        """The least by a key; one function for every question, or it is asked anew."""
+        if key not in self._least:
+            self._least[key] = min(self, key=key)
+        return self._least[key]
+
+    @cached_property
+    def usable(self) -> Offers:
+        """Those that can be taken."""
+        return Offers([offer for offer in self if offer.unfit is None])
+
+    @cached_property
+    def _least(self) -> dict[Callable[[Candidate], Any], Candidate]:
+        return {}
+
+
+NOTHING = Offers()
+
+
 @dataclass(frozen=True, slots=True)
 class Asked:
     """What the caller asked of one node: it narrows the candidates."""
@@ -85,38 +109,61 @@ class Node:
     parameters: OperationParameters
     inputs: Mapping[str, str]
     choice: Candidate | None = None
-    alternatives: tuple[Candidate, ...] = ()
+    alternatives: Offers = NOTHING
     asked: Asked = FREE
     inherited: Mapping[str, float] = field(default_factory=dict)
+    memo: list[tuple[OperationParameters, predict.About]] = field(default_factory=list, compare=False, repr=False)
+    """what `about` found last"""
 
     @property
     def first(self) -> str | None:
         """What its first input reads; None where it reads nothing."""
         return next(iter(self.inputs.values()), None)
 
+    def about(self, facts: Mapping[str, Facts]) -> predict.About:
+        """What its operation says of itself, given these facts of all values."""
+        known = tuple([facts[source] for source in self.inputs.values()])
+        if self.memo:
+            parameters, found = self.memo[0]
+            if parameters is self.parameters and found.known == known:
+                return found
+        found = predict.about((self.operation, self.parameters, tuple(self.inputs), known))
+        self.memo[:] = [(self.parameters, found)]
+        return found
+
     def result(self, facts: Mapping[str, Facts]) -> Facts:
         """Facts of what it makes."""
-        return predict.result(self._key(facts))
+        return self.about(facts).result
 
     def carried(self, facts: Mapping[str, Facts], error: float) -> float:
         """What an error of its inputs becomes behind it."""
-        return predict.carried(self._key(facts), error) if error else 0.0
+        return self.about(facts).carried(error) if error else 0.0
 
     def offers(self, facts: Mapping[str, Facts]) -> Mapping[tuple[str, float | None], predict.Offer]:
         """What its methods state, at all values of their knobs."""
-        return predict.offers(self._key(facts))
+        return self.about(facts).offers
 
     def offer(self, facts: Mapping[str, Facts], method: str, knob: float | None) -> predict.Offer:
         """What one of its methods states at one setting."""
-        return predict.offer(self._key(facts), method, knob)
+        return self.about(facts).offer(method, knob)
 
     def stage(self, facts: Mapping[str, Facts], method: str) -> Stage | None:
         """What one of its methods is as a step of a fused chain."""
-        return predict.stage(self._key(facts), method)
+        return self.about(facts).stage(method)
 
-    def _key(self, facts: Mapping[str, Facts]) -> predict.Key:
-        known = tuple([facts[source] for source in self.inputs.values()])
-        return self.operation, self.parameters, tuple(self.inputs), known
+    def chosen(self, choice: Candidate, alternatives: Offers) -> Node:
+        """With what was chosen, and from what."""
+        return Node(
+            self.name,
+            self.operation,
+            self.parameters,
+            self.inputs,
+            choice,
+            alternatives,
+            self.asked,
+            self.inherited,
+            self.memo,
+        )
 
     def replace(self, **changes: Any) -> Node:
         return dataclasses.replace(self, **changes)
@@ -145,6 +192,8 @@ class Request:
     target: str = ""
     """the node whose method stands for the whole; empty for pipelines"""
     prune: bool = True
+    concatenate: bool = False
+    """whether warps that follow one another may be one, which is another picture"""
     rates: Mapping[tuple[str, str], Rate] = field(default_factory=dict)
     """of (operation, method) for the backend in use, as measured on this machine; the declared ones otherwise"""
     max_bytes: int | None = None
@@ -153,6 +202,15 @@ class Request:
     def rate(self, operation: Operation[Any], method: Method[Any]) -> Rate:
         """How fast a method is."""
         return self.rates.get((operation.name, method.name)) or method.rates[self.backend]
+
+
+@dataclass(frozen=True, slots=True)
+class Banded:
+    """A chain of steps, first to last, of which `rows` rows are made at a time; how many rows each reaches beyond."""
+
+    steps: tuple[str, ...]
+    rows: int
+    reaches: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +227,10 @@ class Graph:
     """nodes that return their first input and only report what they find in it"""
     fused: tuple[tuple[str, ...], ...] = ()
     """chains of nodes, first to last, that run as one"""
+    thin: Mapping[str, Rectangle] = field(default_factory=dict)
+    """by the names of sources that are opaque outside a rectangle, that rectangle"""
+    banded: tuple[Banded, ...] = ()
+    """chains of what runs, of which a band after the other is made"""
 
     @classmethod
     def of(cls, sources: Mapping[str, Facts], nodes: Iterable[Node], output: str, **further: Any) -> Graph:
@@ -189,15 +251,11 @@ class Graph:
 
     def running(self) -> tuple[Node, ...]:
         """The nodes as they run: a chain as its last node, which reads what the first one does."""
-        if not self.fused:
-            return self.nodes
-        ends = {chain[-1]: self.named(chain[0]).inputs for chain in self.fused}
-        inner = {name for chain in self.fused for name in chain[:-1]}
-        return tuple(
-            node.replace(inputs=ends[node.name]) if node.name in ends else node
-            for node in self.nodes
-            if node.name not in inner
-        )
+        return _collapsed(self.steps(), [each.steps for each in self.banded])
+
+    def steps(self) -> tuple[Node, ...]:
+        """The nodes as they run, those of bands apart."""
+        return _collapsed(self.nodes, self.fused)
 
     def named(self, name: str) -> Node:
         """The node called so, which there is."""
@@ -233,18 +291,31 @@ class Graph:
     def only(self, output: str) -> Graph:
         """What leads to one of the outputs."""
         alone = self.replace(outputs={output: self.outputs[output]}, observers=())
-        needed = alone.needed()
+        needed = alone.needed(reporting=False)
         return alone.replace(nodes=tuple(node for node in self.nodes if node.name in needed))
 
-    def needed(self) -> set[str]:
-        """Names of all nodes and sources whose value reaches an output or an observer."""
+    def needed(self, *, reporting: bool = True) -> set[str]:
+        """Names of all nodes and sources whose value reaches an output or an observer, or, with `reporting`, a node
+        that reports what it finds."""
         found = {each.source for each in self.outputs.values()}
         for node in self.observers:
             found.update(node.inputs.values())
         for node in reversed(self.nodes):
-            if node.name in found:
+            if node.name in found or (reporting and node.operation.finds):
+                found.add(node.name)
                 found.update(node.inputs.values())
         return found
+
+
+def _collapsed(nodes: tuple[Node, ...], chains: Sequence[tuple[str, ...]]) -> tuple[Node, ...]:
+    if not chains:
+        return nodes
+    found = {node.name: node for node in nodes}
+    ends = {chain[-1]: found[chain[0]].inputs for chain in chains}
+    inner = {name for chain in chains for name in chain[:-1]}
+    return tuple(
+        node.replace(inputs=ends[node.name]) if node.name in ends else node for node in nodes if node.name not in inner
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,10 @@ from typing import Any
 from lichen.catalogue import operation
 from lichen.image import Alpha, Space
 from lichen.operation import Facts, Light, Operation
+from lichen.part import Rectangle
 from lichen.planning.graph import Graph, Node, Output, Request
 from lichen.planning.prune import cancelled
-from lichen.planning.region import Rectangle, crop, whole
+from lichen.planning.region import crop, whole
 
 
 def light(graph: Graph, request: Request) -> Graph:
@@ -65,7 +66,7 @@ class _Builder:
         for key in pictures:
             space, alpha = _wanted(node, before[key])
             inputs[key] = self.convert(inputs[key], space, alpha)
-        self.append(node.replace(inputs=inputs))
+        self.append(node if inputs == node.inputs else node.replace(inputs=inputs))
         value = node.name
         if pictures:
             original, given = before[pictures[0]], self.facts[inputs[pictures[0]]]

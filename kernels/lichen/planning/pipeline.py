@@ -7,7 +7,8 @@
 
 A node reads other nodes by their names and the pictures sent along as `input.NAME`. `inputs` may be left out where the
 operation reads one picture and the pipeline has one, called `image`. `outputs` may be left out where there is one node
-that no other reads. The same as text, for URLs and the shell: see `text`.
+that no other reads. With `"concatenate": true` warps that follow one another are one where they can be, and the image
+is filtered once: that is another picture, so it is asked for. The same as text, for URLs and the shell: see `text`.
 
 Reading finds every flaw at once and says where: `/nodes/soft/parameters/sigma`, `/outputs/preview/node`.
 """
@@ -69,6 +70,8 @@ class Pipeline:
 
     steps: Mapping[str, Step]
     outputs: Mapping[str, Exit]
+    concatenate: bool = False
+    """whether warps that follow one another are to be one"""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -95,13 +98,16 @@ def read(said: Pipeline | Mapping[str, Any] | str | bytes) -> Pipeline:
     flaws: list[Flaw] = []
     steps = _steps(said, flaws)
     outputs = _outputs(said, steps, flaws)
+    concatenate = said.get("concatenate", False)
+    if not isinstance(concatenate, bool):
+        flaws.append(Flaw("/concatenate", "must be true or false"))
     if flaws:
         try:
             nodes_of(Pipeline(steps, {}))
         except InvalidRequest as invalid:
             flaws += invalid.flaws
         raise InvalidRequest(f"The pipeline has {len(flaws)} flaw(s).", flaws)
-    return Pipeline(steps, outputs)
+    return Pipeline(steps, outputs, concatenate)
 
 
 def _from_json(said: str) -> Mapping[str, Any]:
@@ -114,7 +120,7 @@ def _from_json(said: str) -> Mapping[str, Any]:
 
 
 def _steps(said: Mapping[str, Any], flaws: list[Flaw]) -> dict[str, Step]:
-    _unknown(said, ("nodes", "outputs"), "", flaws)
+    _unknown(said, ("nodes", "outputs", "concatenate"), "", flaws)
     nodes = said.get("nodes")
     if not isinstance(nodes, Mapping) or not 1 <= len(nodes) <= MOST:
         flaws.append(Flaw("/nodes", f"must be an object of 1 to {MOST} nodes by name"))

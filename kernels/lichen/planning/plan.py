@@ -11,10 +11,13 @@ from typing import Any
 
 from lichen.accuracy.precision import Precision
 from lichen.operation import Error
+from lichen.planning.bands import bands
 from lichen.planning.choose import choose
 from lichen.planning.error import errors, total_error, total_seconds
 from lichen.planning.fuse import fuse
 from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
+from lichen.planning.hidden import hidden
+from lichen.planning.join import concatenate, join
 from lichen.planning.light import light
 from lichen.planning.memory import peak_bytes, refuse_too_large
 from lichen.planning.prune import identity, shared, unread
@@ -24,10 +27,23 @@ from lichen.planning.verdicts import outcomes, verdicts
 
 Pass = Callable[[Graph, Request], Graph]
 
-ALL: tuple[Pass, ...] = (unread, shared, identity, light, region, choose, settle, fuse)
-NEEDED: tuple[Pass, ...] = (light, choose, settle)
+ALL: tuple[Pass, ...] = (
+    concatenate,
+    unread,
+    shared,
+    identity,
+    light,
+    join,
+    hidden,
+    region,
+    choose,
+    settle,
+    fuse,
+    bands,
+)
+NEEDED: tuple[Pass, ...] = (concatenate, light, choose, settle)
 """what `prune=false` leaves"""
-ENGINE_VERSION = "1"
+ENGINE_VERSION = "2"
 """Part of every plan's digest; raise it when the same plan gives other bytes."""
 
 
@@ -85,7 +101,8 @@ class Plan:
         nodes = [_node_to_json(node) for node in self.nodes]
         outputs = {name: each.source for name, each in self.graph.outputs.items()}
         observers = [_node_to_json(node) for node in self.graph.observers]
-        said = [ENGINE_VERSION, self.request.backend, self.graph.precision, outputs, nodes, observers]
+        banded = [[each.steps, each.rows] for each in self.graph.banded]
+        said = [ENGINE_VERSION, self.request.backend, self.graph.precision, outputs, nodes, observers, banded]
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> dict[str, Any]:
@@ -103,6 +120,7 @@ class Plan:
                 for name, each in self.graph.outputs.items()
             },
             "fused": [list(chain) for chain in self.graph.fused],
+            "bands": [{"nodes": list(each.steps), "rows": each.rows} for each in self.graph.banded],
             "decisions": [decision.to_json() for decision in self.decisions],
             "digest": self.digest,
         }

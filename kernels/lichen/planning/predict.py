@@ -1,21 +1,23 @@
 """What operations predict of themselves, asked once.
 
 Passes ask for the same many times over: facts of a node's result, how far an error is carried, what its methods state.
-All of it follows from the operation, its parameters and the facts of its inputs alone, so answers are kept.
+All of it follows from the operation, its parameters and the facts of its inputs alone, so answers are kept: `about`
+finds what was asked before of the same three, and `About` keeps what it is told.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, TypeAlias
 
+from lichen.joining import Link
 from lichen.operation import Error, Facts, Operation, OperationParameters
 from lichen.stage import Stage
 
 KEPT = 1 << 14
-"""Answers of each kind; the longest unused are dropped first."""
+"""Of which answers are kept; the longest unused are dropped first."""
 
 Key: TypeAlias = tuple[Operation[Any], OperationParameters, tuple[str, ...], tuple[Facts, ...]]
 """An operation, its parameters, the names of its inputs and their facts."""
@@ -30,46 +32,83 @@ class Offer:
     unfit: str | None
 
 
-@lru_cache(KEPT)
-def result(key: Key) -> Facts:
-    operation, parameters, names, known = key
-    made: Facts = operation.result(parameters, dict(zip(names, known, strict=True)))
-    return made
+class About:
+    """What an operation says of itself for some parameters and inputs. Answers are the same whoever asks first, so
+    threads need no turns."""
+
+    def __init__(self, key: Key) -> None:
+        self.operation, self.parameters, names, self.known = key
+        self.facts = dict(zip(names, self.known, strict=True))
+        pictures = {each.name for each in self.operation.inputs if each.picture}
+        self.data = tuple([number for number, name in enumerate(names) if name not in pictures])
+        """which of its inputs are no pictures"""
+        self.kept: dict[object, Any] = {}
+        """what passes make of it, by their own keys"""
+        self._carried: dict[float, float] = {}
+        self._stages: dict[str, Stage | None] = {}
+
+    @cached_property
+    def result(self) -> Facts:
+        return self.operation.result(self.parameters, self.facts)
+
+    def carried(self, error: float) -> float:
+        found = self._carried.get(error)
+        if found is None:
+            if len(self._carried) >= MOST_ERRORS:
+                self._carried.clear()
+            found = self._carried[error] = self.operation.propagate(self.parameters, self.facts, error)
+        return found
+
+    @cached_property
+    def offers(self) -> Mapping[tuple[str, float | None], Offer]:
+        """What all methods state, at all values of their knobs."""
+        return {
+            (each.name, knob): self._stated(each.name, knob)
+            for each in self.operation.methods.values()
+            for knob in (each.knob.values if each.knob else (None,))
+        }
+
+    def offer(self, name: str, knob: float | None) -> Offer:
+        """What one method states at one setting."""
+        return self.offers.get((name, knob)) or self._stated(name, knob)
+
+    def stage(self, name: str) -> Stage | None:
+        """What one method is as a step of a chain."""
+        if name not in self._stages:
+            self._stages[name] = self.operation.methods[name].stage(self.parameters, self.facts)
+        return self._stages[name]
+
+    @cached_property
+    def staged(self) -> tuple[str, ...]:
+        """The methods that are steps of a chain."""
+        return tuple([name for name in self.operation.methods if self.stage(name) is not None])
+
+    @cached_property
+    def departure(self) -> Mapping[str, float]:
+        """How far its output is from its inputs at most."""
+        return self.operation.departure(self.parameters, self.facts)
+
+    @cached_property
+    def identity(self) -> str | None:
+        """Why it returns its first input."""
+        return self.operation.identity(self.parameters, self.facts) if self.facts else None
+
+    @cached_property
+    def link(self) -> Link | None:
+        """What it is for its neighbours."""
+        return self.operation.link(self.parameters, self.facts)
+
+    def _stated(self, name: str, knob: float | None) -> Offer:
+        method, setting = self.operation.methods[name], knob if knob is not None else 0.0
+        error = method.error(self.parameters, setting, self.facts)
+        work = method.work(self.parameters, setting, self.facts)
+        return Offer(error, work, method.unfit(self.parameters, self.facts))
+
+
+MOST_ERRORS = 64
+"""That are carried through one operation and remembered."""
 
 
 @lru_cache(KEPT)
-def carried(key: Key, error: float) -> float:
-    operation, parameters, names, known = key
-    return operation.propagate(parameters, dict(zip(names, known, strict=True)), error)
-
-
-@lru_cache(KEPT)
-def offers(key: Key) -> Mapping[tuple[str, float | None], Offer]:
-    """What all methods state, at all values of their knobs."""
-    methods = key[0].methods.values()
-    return {
-        (each.name, knob): _stated(key, each.name, knob)
-        for each in methods
-        for knob in (each.knob.values if each.knob else (None,))
-    }
-
-
-@lru_cache(KEPT)
-def offer(key: Key, name: str, knob: float | None) -> Offer:
-    """What one method states at one setting."""
-    return offers(key).get((name, knob)) or _stated(key, name, knob)
-
-
-@lru_cache(KEPT)
-def stage(key: Key, name: str) -> Stage | None:
-    """What one method is as a step of a chain."""
-    operation, parameters, names, known = key
-    return operation.methods[name].stage(parameters, dict(zip(names, known, strict=True)))
-
-
-def _stated(key: Key, name: str, knob: float | None) -> Offer:
-    operation, parameters, names, known = key
-    facts, method = dict(zip(names, known, strict=True)), operation.methods[name]
-    setting = knob if knob is not None else 0.0
-    error, work = method.error(parameters, setting, facts), method.work(parameters, setting, facts)
-    return Offer(error, work, method.unfit(parameters, facts))
+def about(key: Key) -> About:
+    return About(key)

@@ -12,14 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from lichen.operation import Facts
+from lichen.catalogue import operation
+from lichen.image import Space
+from lichen.operation import Facts, Light
 from lichen.planning.graph import Decision, Graph, Moved, Node, Request, inputs_of, rewired
 
 
 def unread(graph: Graph, request: Request) -> Graph:
     """Drop nodes whose result reaches no output."""
     needed = graph.needed()
-    dropped = [node for node in graph.nodes if node.name not in needed and not node.operation.finds]
+    dropped = [node for node in graph.nodes if node.name not in needed]
     if not dropped:
         return graph
     facts = graph.facts()
@@ -60,7 +62,9 @@ def identity(graph: Graph, request: Request) -> Graph:
     observers = []
     decisions = []
     for node in graph.nodes:
-        reason = node.operation.identity(node.parameters, inputs_of(node, facts)) if node.inputs else None
+        reason = node.about(facts).identity
+        if reason is not None and any(facts[source].space is Space.SRGB for source in node.inputs.values()):
+            reason = node.operation.identity(node.parameters, _in_its_light(node, facts))
         if reason is None:
             continue
         source = node.first
@@ -73,6 +77,20 @@ def identity(graph: Graph, request: Request) -> Graph:
             observers.append(node)
     graph = graph.replace(observers=(*graph.observers, *observers)).reading(moved).deciding(decisions)
     return cancelled(graph, request, "identity")
+
+
+def _in_its_light(node: Node, facts: Mapping[str, Facts]) -> dict[str, Facts]:
+    """What a node will read once pictures are in its light, whose range is another."""
+    known = inputs_of(node, facts)
+    if node.operation.light is not Light.LINEAR or node.operation.as_stored(node.parameters):
+        return known
+    transfer = operation("transfer")
+    decode = transfer.validate({"direction": "decode"})
+    pictures = {each.name for each in node.operation.inputs if each.picture}
+    return {
+        key: transfer.result(decode, {"image": each}) if key in pictures and each.space is Space.SRGB else each
+        for key, each in known.items()
+    }
 
 
 def cancelled(graph: Graph, request: Request, cause: str, among: Iterable[str] | None = None) -> Graph:
@@ -114,7 +132,7 @@ def swept(before: Graph, graph: Graph, request: Request, cause: str, undone: Ite
     """`graph` without what nothing reads since pairs were taken out of `before`, with a decision for each node."""
     facts = before.facts()
     needed = graph.needed()
-    kept = [node for node in graph.nodes if node.name in needed or node.operation.finds]
+    kept = [node for node in graph.nodes if node.name in needed]
     names = {node.name for node in kept}
     gone = [node for node in before.nodes if node.name not in names]
     why = {}

@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from lichen.operation import Facts
-from lichen.planning.graph import Candidate, Decision, Graph, Moved, Node, Request
+from lichen.planning.graph import Candidate, Decision, Graph, Moved, Node, Offers, Request
 from lichen.planning.prune import cancelled, cost, unread
 
 
@@ -64,4 +64,4 @@ def _again(node: Node, facts: Mapping[str, Facts], request: Request) -> Node:
         rate, found = request.rate(node.operation, method), node.offer(facts, method.name, offer.knob)
         return dataclasses.replace(offer, error=found.error, seconds=rate.start + rate.step * found.work)
 
-    return node.replace(choice=again(choice), alternatives=tuple(map(again, node.alternatives)))
+    return node.chosen(again(choice), Offers(map(again, node.alternatives)))

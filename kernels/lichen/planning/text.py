@@ -14,7 +14,8 @@ Grammar:
 * A label names a step for those; without one it is the operation's name, with 2, 3, ... behind it from the second on.
 * Settings are parameters, knobs, inputs, `method` and `max_error`. Vectors and matrices are JSON, as everywhere; inside
   JSON neither "|" nor "," ends anything. A JSON string is the text in it.
-* Blanks around names and values do not count. What comes out is the last step.
+* Blanks around names and values do not count. What comes out is the last step, or with `crop` behind it the part that
+  its settings `left`, `top`, `width` and `height` say; amid a pipeline `arrange` cuts.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from lichen.catalogue import operations
-from lichen.errors import Flaw, InvalidRequest
+from lichen.errors import Flaw, InvalidRequest, nearest
 
+CROP = "crop"
+SIDES = ("left", "top", "width", "height")
 _DECODER = json.JSONDecoder()
 
 
@@ -34,12 +37,18 @@ def read(said: str) -> dict[str, Any]:
     flaws: list[Flaw] = []
     nodes: dict[str, Any] = {}
     before = "input.image"
-    name = ""
-    for number, step in enumerate(_split(said, "|"), start=1):
+    name, part = "input.image", None
+    steps = list(_split(said, "|"))
+    for number, step in enumerate(steps, start=1):
         head, _, rest = step.partition(":")
         label, equals, wanted = (part.strip() for part in head.partition("="))
         if not equals:
             label, wanted = "", label
+        if wanted == CROP and not equals:
+            part = _rectangle(rest, flaws)
+            if number < len(steps):
+                flaws.append(Flaw("/pipeline", f"step {number}: a crop comes last; elsewhere arrange cuts"))
+            continue
         if not wanted:
             flaws.append(Flaw("/pipeline", f"step {number} names no operation"))
             continue
@@ -50,7 +59,20 @@ def read(said: str) -> dict[str, Any]:
         before = name
     if flaws:
         raise InvalidRequest(f"The pipeline has {len(flaws)} flaw(s).", flaws)
-    return {"nodes": nodes, "outputs": {"result": {"node": name}}}
+    return {"nodes": nodes, "outputs": {"result": {"node": name} if part is None else {"node": name, "crop": part}}}
+
+
+def _rectangle(rest: str, flaws: list[Flaw]) -> list[Any]:
+    """What the settings of a crop say, as an output does; 0 where left or top is left out."""
+    given: dict[str, Any] = {"left": "0", "top": "0"}
+    for setting in _split(rest, ",") if rest.strip() else ():
+        key, _, value = (part.strip() for part in setting.partition("="))
+        if key not in SIDES:
+            flaws.append(Flaw(f"/outputs/result/crop/{key}", f"is not known here; {nearest(key, SIDES)}"))
+        given[key] = value
+    flaws += [Flaw(f"/outputs/result/crop/{side}", "is required") for side in SIDES if side not in given]
+    sides = [given.get(side, "1") for side in SIDES]
+    return [int(side) if side.isdecimal() else side for side in sides]
 
 
 def _free(wanted: str, nodes: Mapping[str, Any]) -> str:

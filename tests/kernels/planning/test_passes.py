@@ -18,7 +18,8 @@ from lichen.image import Alpha, Extent, Image, Space
 from lichen.operation import Facts, Operation
 from lichen.planning.budget import Problem, within_error
 from lichen.planning.error import errors, total_error, total_seconds
-from lichen.planning.graph import Asked, Candidate, Graph, Node, Output, Request
+from lichen.planning.graph import Asked, Candidate, Graph, Node, Offers, Output, Request
+from lichen.planning.join import join
 from lichen.planning.memory import peak_bytes
 from lichen.planning.plan import Plan, make_plan
 from lichen.planning.prune import cancelled, identity, shared, unread
@@ -65,6 +66,28 @@ def test_unread_floods_back_from_every_output() -> None:
     assert names(made) == ["a", "b"]
     assert dropped(made, "unread") == ["c", "d"]
     assert all(each.saved_ms > 0 for each in made.decisions)
+
+
+def test_what_a_node_that_reports_reads_is_read() -> None:
+    made = unread(
+        graph(
+            node("a", "levels", "in"),
+            node("b", "arrange", "in", flip="both"),
+            node("c", "lens_distort", "b"),
+            outputs=("a",),
+        ),
+        Request(),
+    )
+    assert names(made) == ["a", "b", "c"]
+    assert names(made.only("a")) == ["a"]
+
+
+def test_an_identity_that_depends_on_the_range_is_told_in_the_light_it_is_computed_in() -> None:
+    """Display values from -5 to 5 are light from -48 to 48: more than the threshold."""
+    wide = dataclasses.replace(PICTURE, space=Space.SRGB, extent=Extent(-5.0, 5.0, 0))
+    sharper = node("a", "sharpen", "in", threshold=20)
+    assert names(identity(graph(sharper, facts=wide), Request())) == ["a"]
+    assert names(identity(graph(sharper, facts=dataclasses.replace(wide, space=Space.DATA)), Request())) == []
 
 
 def test_equal_work_is_done_once_along_whole_chains() -> None:
@@ -268,6 +291,14 @@ def test_every_output_keeps_its_own_quantum() -> None:
     assert plan.errors["b"].value - plan.errors["b"].rounding <= 0.25 / 255
 
 
+def test_where_a_modulus_jumps_no_change_passes_for_rounding() -> None:
+    """One level more or less moves a whole step of an equalised picture, however little it was."""
+    plan = make_plan(
+        graph(node("a", "box", "in"), node("b", "levels", "a", black=0.1), node("c", "equalise", "b")), Request()
+    )
+    assert names(plan) == ["a", "b", "c"]
+
+
 def test_what_is_inherited_counts() -> None:
     late = dataclasses.replace(node("a", "levels", "in", white=0.5), inherited={"image": 1e-3})
     made = graph(late)
@@ -275,7 +306,9 @@ def test_what_is_inherited_counts() -> None:
     assert choice is not None
     found = errors(made, made.facts(), {"a": choice})["a"]
     assert found.value == pytest.approx(2e-3 + choice.error.value)
-    problem = Problem(made, made.facts(), Request(), {"a": [choice]}, {"a": 1e-6}, [("an error", lambda e: e.value)])
+    problem = Problem(
+        made, made.facts(), Request(), {"a": Offers([choice])}, {"a": 1e-6}, [("an error", lambda e: e.value)]
+    )
     assert isinstance(next(iter(within_error(problem).values())), Candidate)
 
 
@@ -316,3 +349,52 @@ def test_pictures_are_let_go_after_their_last_reader(monkeypatch: pytest.MonkeyP
     result = lichen.run_pipeline(text, picture, device="numpy")["result"]
     assert len(result.plan.nodes) == 8
     assert most == 2
+
+
+# ---------------------------------------------------------------------------------------------- join and concatenate
+
+
+MIXED = {"matrix": [[0.8, 0.15, 0.05, 0.1], [0.1, 0.8, 0.1, 0], [0.05, 0.15, 0.8, -0.1]]}
+
+
+@pytest.mark.parametrize("alpha", list(Alpha))
+def test_matrices_that_follow_one_another_are_multiplied(alpha: Alpha) -> None:
+    facts = Facts(9, 7, 3 + (alpha is not Alpha.NONE), Space.LINEAR, alpha)
+    chain = [node("a", "matrix", "in", **MIXED), node("b", "saturation", "a", amount=1.4)]
+    made = join(graph(*chain, node("c", "hue_rotate", "b", angle=40), facts=facts), Request())
+    assert [(each.name, each.operation.name) for each in made.nodes] == [("c", "matrix")]
+    assert [(each.pass_, each.node) for each in made.decisions] == [("join", "a"), ("join", "b")]
+    assert all(0 < each.bound < 1e-13 and each.saved_ms > 0 for each in made.decisions)
+    pixels = np.random.default_rng(3).random((9, 7, facts.channels)).astype(np.float32)
+    pixels[2, 3, 1] = np.nan
+    image = Image(pixels, Space.LINEAR, alpha)
+    before = graph(*chain, node("c", "hue_rotate", "b", angle=40), facts=facts)
+    one, three = (execution.exact(each, {"in": image}) for each in (made, before))
+    np.testing.assert_allclose(one, three, rtol=0, atol=1e-14)
+
+
+def test_what_is_asked_of_a_node_or_read_by_others_is_not_joined() -> None:
+    first, second = node("a", "matrix", "in", **MIXED), node("b", "saturation", "a")
+    assert names(join(graph(first, second, outputs=("a", "b")), Request())) == ["a", "b"]
+    assert names(join(graph(first, second.replace(asked=Asked(method="exact"))), Request())) == ["a", "b"]
+    large = node("a", "matrix", "in", matrix=[[1e5, 0, 0], [0, 1e5, 0], [0, 0, 1]])
+    assert names(join(graph(large, large.replace(name="b", inputs={"image": "a"})), Request())) == ["a", "b"]
+    extreme = dataclasses.replace(PICTURE, extent=Extent(0.0, 1e37, 0))
+    less = node("b", "matrix", "a", matrix=[[1e-3, 0, 0], [0, 1e-3, 0], [0, 0, 1]])
+    assert names(join(graph(large, less, facts=extreme), Request())) == ["a", "b"]
+
+
+def test_warps_are_one_only_where_that_is_asked_for() -> None:
+    turned = node("a", "affine", "in", matrix=[[1.2, 0.1, -3], [0.05, 1.3, -4]], border="clamp")
+    chain = graph(turned, node("b", "homography", "a", matrix=[[1.5, 0.1, -20], [0.1, 1.6, -25], [1e-3, 5e-4, 1]]))
+    for prune in (True, False):
+        assert names(make_plan(chain, Request(prune=prune))) == ["a", "b"]
+        plan = make_plan(chain, Request(prune=prune, concatenate=True))
+        assert names(plan) == ["b"]
+        (told,) = [each for each in plan.decisions if each.pass_ == "concatenate"]
+        assert (told.node, told.action) == ("a", "joined with b")
+        assert "asked for" in told.reason
+    away = graph(turned, node("b", "affine", "a", matrix=[[1, 0, 30], [0, 1, 0]]))
+    plan = make_plan(away, Request(concatenate=True))
+    assert names(plan) == ["a", "b"]
+    assert [each.action for each in plan.decisions if each.pass_ == "concatenate"] == ["kept apart"]

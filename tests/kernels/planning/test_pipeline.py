@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from lichen.errors import InvalidRequest
+from lichen.planning import text
 from lichen.planning.pipeline import nodes_of, read
 
 
@@ -167,3 +168,25 @@ def test_a_long_chain_is_put_in_order() -> None:
         for number, name in reversed(list(enumerate(names)))
     }
     assert [node.name for node in nodes_of(read({"nodes": nodes}))] == names
+
+
+def test_text_ends_with_the_part_that_is_wanted() -> None:
+    said = text.read("levels:black=0.1|gaussian:sigma=2|crop:left=3,top=4,width=20,height=10")
+    assert said["outputs"] == {"result": {"node": "gaussian", "crop": [3, 4, 20, 10]}}
+    assert list(said["nodes"]) == ["levels", "gaussian"]
+    assert read("levels|crop:width=5,height=6").outputs["result"].crop == (0, 0, 5, 6)
+    for wrong, pointer in (
+        ("levels|crop:width=5", "/outputs/result/crop/height"),
+        ("levels|crop:width=5,hight=6,height=1", "/outputs/result/crop/hight"),
+        ("levels|crop:width=5,height=-6", "/outputs/result/crop"),
+        ("crop:width=5,height=6|levels", "/pipeline"),
+    ):
+        with pytest.raises(InvalidRequest) as refused:
+            read(wrong)
+        assert [flaw.pointer for flaw in refused.value.flaws] == [pointer], wrong
+
+
+def test_concatenation_is_asked_for_in_so_many_words() -> None:
+    nodes = {"a": {"operation": "rotate"}, "b": {"operation": "affine", "inputs": {"image": "a"}}}
+    assert read({"nodes": nodes, "concatenate": True}).concatenate
+    assert pointers({"nodes": nodes, "concatenate": "yes"}) == {"/concatenate"}

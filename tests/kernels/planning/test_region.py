@@ -110,6 +110,72 @@ def test_all_of_a_picture_is_no_crop() -> None:
     assert region.__doc__
 
 
+SHRUNK = [[0.35, 0.12, -3.0], [-0.04, 0.45, 2.0], [0.0003, 0.0004, 1.0]]
+PLACED: list[tuple[str, dict[str, Any]]] = [
+    ("homography", {"matrix": SHRUNK}),
+    ("homography", {"matrix": SHRUNK, "border": "reflect", "inverse": True}),
+    ("homography", {"matrix": [[1.05, 0.12, -3.0], [-0.04, 0.95, 2.0], [0.0003, 0.0004, 1.0]], "border": "clamp"}),
+    ("affine", {"matrix": [[0.1, 0.02, 30.0], [0.0, 0.3, 20.0]], "value": 0.3}),
+    ("affine", {"matrix": [[1, 0, 0.5], [0, 1, 0]], "border": "wrap"}),
+    ("rotate", {"angle": 90, "expand": True}),
+    ("rotate", {"angle": 33, "border": "clamp"}),
+    ("lens_distort", {"k": [-0.25, 0.06]}),
+    ("arrange", {"left": 7, "top": -5, "right": -3, "transpose": True, "flip": "both", "border": "reflect101"}),
+    ("arrange", {"flip": "horizontal", "tile": [2, 1], "value": 0.5}),
+    ("resize", {"scale": [0.3, 1.7]}),
+    ("resize", {"width": 210, "border": "constant", "value": 0.2}),
+]
+"""Operations that say themselves how a part is made, with what keeps it small."""
+LARGE = np.random.default_rng(6).random((220, 300, 3), dtype=np.float32)
+
+
+@pytest.mark.parametrize(("name", "parameters"), PLACED)
+def test_what_depends_on_where_a_pixel_lies_gives_the_same_bits(name: str, parameters: dict[str, Any]) -> None:
+    """By every method, amid the result and at its corner, findings included; NaN reach as far as they did."""
+    image = Image(LARGE.copy())
+    image.pixels[100:110, 150] = np.nan
+    operation = OPERATIONS[name]
+    size = operation.result(operation.validate(parameters), {"image": Facts.of(image)})
+    for method in operation.methods:
+        narrowed = 0
+        for crop in ([size.width // 2, size.height // 3, 9, 7], [0, size.height - 5, 4, 5]):
+            node = {"operation": name, "parameters": parameters, "method": method}
+            said = {"nodes": {"a": node}, "outputs": {"x": {"node": "a", "crop": crop}}}
+            part, full = (prepare_pipeline(said, image, device="opencl", prune=prune) for prune in (True, False))
+            found, expected = part.run()["x"], full.run()["x"]
+            np.testing.assert_array_equal(found.image.pixels, expected.image.pixels, err_msg=f"{method} {crop}")
+            if "part" not in found.findings.get("a", {}):
+                assert found.findings == expected.findings
+            narrowed += sum(each.pass_ == "region" for each in part.plan.decisions)
+        assert narrowed == (0 if method == "shears" else 2), method
+
+
+def test_a_warp_reads_what_it_shows() -> None:
+    """The blur of a large warp, asked for in part, is made of a part of the source; and says so."""
+    image = Image(np.zeros((2048, 2048, 1), np.float32))
+    said = {
+        "nodes": {
+            "warp": {
+                "operation": "homography",
+                "parameters": {"matrix": [[1.02, 0.05, -20], [-0.03, 0.98, 15], [1e-6, 2e-6, 1]]},
+            },
+            "blur": {"operation": "gaussian", "parameters": {"sigma": 8}, "inputs": {"image": "warp"}},
+        },
+        "outputs": {"x": {"node": "blur", "crop": [1000, 400, 256, 256]}},
+    }
+    plan = lichen.explain_pipeline(said, image, device="numpy")
+    across, down = sizes(plan)["input.image.crop"]
+    assert max(across, down) < 600
+    assert max(sizes(plan)["warp"]) <= 256 + 2 * 9 * 8  # to nine standard deviations
+    assert [each.node for each in plan.decisions if each.pass_ == "region"] == ["warp", "blur"]
+    said_ = next(node for node in plan.to_json()["nodes"] if node["name"] == "warp")["parameters"]["place"]
+    assert said_["source"][2:] == [across, down]
+    assert said_["result_size"] == [2048, 2048]
+    behind = {**said, "outputs": {"x": {"node": "blur", "crop": [0, 0, 8, 8]}}}
+    behind["nodes"]["warp"]["parameters"] = {"matrix": [[1, 0, 0], [0, 0.3, 6], [0, 0.125, -1]], "inverse": True}
+    assert sizes(lichen.explain_pipeline(behind, image, device="numpy"))["warp"] == (2048, 2048)
+
+
 @pytest.mark.parametrize("operation", list(OPERATIONS.values()), ids=list(OPERATIONS))
 def test_a_part_is_what_it_is_in_the_whole(operation: Operation[Any]) -> None:
     """By definition and by the methods, for every operation of the catalogue that takes the picture."""

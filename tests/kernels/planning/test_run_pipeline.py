@@ -110,7 +110,11 @@ def test_a_time_is_divided_over_a_pipeline() -> None:
 
 def test_a_plan_too_large_for_memory_is_refused_before_it_runs() -> None:
     plan = lichen.explain_pipeline("gaussian:sigma=2|levels:black=0.1", PICTURE)
-    assert plan.peak_bytes <= 3 * PICTURE.pixels.nbytes
+    blur = plan.graph.named("gaussian")
+    assert blur.choice is not None
+    scratch = blur.operation.methods[blur.choice.method].scratch
+    assert scratch is not None
+    assert plan.peak_bytes == pytest.approx((2 + scratch) * PICTURE.pixels.nbytes, abs=1)
     assert lichen.explain_pipeline("gaussian:sigma=2|levels:black=0.1", PICTURE, max_bytes=plan.peak_bytes)
     with pytest.raises(TooLarge) as refused:
         lichen.run_pipeline("gaussian:sigma=2|levels:black=0.1", PICTURE, max_bytes=plan.peak_bytes - 1)
@@ -140,3 +144,21 @@ def test_wishes_that_do_not_exist_are_named() -> None:
     with pytest.raises(InvalidRequest) as refused:
         lichen.run_pipeline("levels", PICTURE, max_errors=1, method="exact", max_ms=-1)
     assert {flaw.pointer for flaw in refused.value.flaws} == {"/max_errors", "/method", "/max_ms"}
+
+
+def test_warps_are_concatenated_where_the_pipeline_says_so() -> None:
+    """Twice as large and half as large again is the picture itself, unless it is filtered between."""
+    nodes = {
+        "up": {"operation": "affine", "parameters": {"matrix": [[2, 0, 0], [0, 2, 0]], "width": 32, "height": 24}},
+        "down": {
+            "operation": "affine",
+            "parameters": {"matrix": [[0.5, 0, 0], [0, 0.5, 0]], "width": 16, "height": 12},
+            "inputs": {"image": "up"},
+        },
+    }
+    image = np.random.default_rng(4).random((12, 16, 3), dtype=np.float32)
+    once = lichen.run_pipeline({"nodes": nodes, "concatenate": True}, image, device="numpy")["result"]
+    twice = lichen.run_pipeline({"nodes": nodes}, image, device="numpy")["result"]
+    np.testing.assert_array_equal(once.image.pixels, image)
+    assert np.abs(twice.image.pixels - image).max() > 0.01
+    assert [(each.pass_, each.node) for each in once.decisions[:2]] == [("concatenate", "up"), ("identity", "down")]

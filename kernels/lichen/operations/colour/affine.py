@@ -17,12 +17,15 @@ from typing import Protocol
 import numpy as np
 
 from lichen.image import Alpha, Extent, Image
+from lichen.joining import Joined, Link
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import ROUNDING, Error, Facts, Inputs, Rate
 from lichen.stage import Stage
 
 FLOAT_MAX = float(np.finfo(np.float32).max)
+LARGEST = 1e6
+"""Of a factor's magnitude."""
 BLOCK = 1 << 14
 """Pixels of a block of NumPy's work, which stays in cache."""
 RATES = {"opencl": Rate(2e-4, 3e-10), "numpy": Rate(3e-5, 1.6e-9)}
@@ -162,6 +165,32 @@ def departure(affine: Affine, facts: Facts) -> dict[str, float]:
         for i, (row, more) in enumerate(zip(affine.factors, affine.added, strict=True))
     ]
     return {"image": max(rows)}
+
+
+@dataclass(frozen=True, slots=True)
+class Mixing:
+    """A map for its neighbours: two that read as many channels are one, their product.
+
+    What is added follows coverage in both or in neither, and coverage passes, so b becomes M b + c in either case. A
+    channel that takes part in the product took part in the two."""
+
+    affine: Affine
+    size: int
+    """channels of the picture"""
+
+    @classmethod
+    def of(cls, affine: Affine, facts: Facts) -> Mixing:
+        return cls(affine, facts.channels)
+
+    def then(self, following: Link) -> Joined | str | None:
+        if not isinstance(following, Mixing) or following.affine.size != self.affine.size:
+            return None
+        first, second = (np.array(each.affine.factors) for each in (self, following))
+        added = second @ np.array(self.affine.added) + np.array(following.affine.added)
+        rows = np.column_stack([second @ first, added])
+        if not np.abs(rows).max() <= LARGEST:
+            return "a factor of the product is too large for a matrix"
+        return Joined("matrix", {"matrix": rows.tolist()}, same=True, reason="two matrices are one, their product")
 
 
 class Mapped(Protocol):

@@ -103,6 +103,7 @@ hue_rotate = Operation(
     result=lambda p, facts: affine.result(p.affine, facts["image"]) if p.angle % 360 else facts["image"],
     propagate=lambda p, facts, by: affine.propagate(p.affine, facts["image"], by),
     departure=lambda p, facts: affine.departure(p.affine, facts["image"]),
+    link=lambda p, facts: affine.Mixing.of(p.affine, facts["image"]),
     inverse=lambda p: Parameters(angle=-p.angle),
     examples=({"angle": 90}, {"angle": -30}, {"angle": 180}, {"angle": 120}),
     hard_cases=(

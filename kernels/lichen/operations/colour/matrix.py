@@ -36,8 +36,6 @@ from lichen.operations.colour import affine
 from lichen.operations.colour.affine import Affine
 
 SHAPES = ((3, 3), (3, 4), (4, 4), (4, 5))
-LIMIT = 1e6
-"""Of a factor's magnitude."""
 
 
 class Parameters(OperationParameters):
@@ -49,8 +47,8 @@ class Parameters(OperationParameters):
     def _shaped(cls, rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
         if any((len(rows), len(row)) not in SHAPES for row in rows) or len({len(row) for row in rows}) > 1:
             raise ValueError("must be 3x3, 3x4, 4x4 or 4x5")
-        if any(abs(value) > LIMIT for row in rows for value in row):
-            raise ValueError(f"holds a factor beyond {LIMIT:g}")
+        if any(abs(value) > affine.LARGEST for row in rows for value in row):
+            raise ValueError(f"holds a factor beyond {affine.LARGEST:g}")
         return rows
 
     @property
@@ -111,6 +109,7 @@ matrix = Operation(
     result=lambda p, facts: affine.result(p.affine, facts["image"]),
     propagate=lambda p, facts, by: affine.propagate(p.affine, facts["image"], by),
     departure=lambda p, facts: affine.departure(p.affine, facts["image"]),
+    link=lambda p, facts: affine.Mixing.of(p.affine, facts["image"]),
     check=_check,
     examples=(
         {"matrix": SEPIA},

@@ -72,6 +72,7 @@ saturation = Operation(
     result=lambda p, facts: affine.result(p.affine, facts["image"]) if p.amount != 1 else facts["image"],
     propagate=lambda p, facts, by: affine.propagate(p.affine, facts["image"], by),
     departure=lambda p, facts: affine.departure(p.affine, facts["image"]),
+    link=lambda p, facts: affine.Mixing.of(p.affine, facts["image"]),
     examples=({"amount": 1.5}, {"amount": 0}, {"amount": -1}, {"amount": 0.25}),
     hard_cases=(
         HardCase(

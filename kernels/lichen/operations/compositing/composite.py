@@ -192,6 +192,12 @@ def _identity(p: Parameters, facts: InputFacts) -> str | None:
     return "the image covers the base wholly" if p.operator is Operator.OVER and not image_may else None
 
 
+def _hides(p: Parameters, facts: InputFacts) -> str | None:
+    """Of `over`, a factor of zero takes nothing of the base; a blend mode mixes with it all the same."""
+    alone = p.operator is Operator.OVER and p.blend is Blend.NORMAL and p.opacity == 1 and "mask" not in facts
+    return "image" if alone and not _aside(p, facts) else None
+
+
 def _result(p: Parameters, facts: InputFacts) -> Facts:
     image, base = facts["image"], facts.get("base", facts["image"])
     if _identity(p, facts):
@@ -257,6 +263,7 @@ composite = Operation(
     as_stored=lambda p: p.light is Light.STORED,
     wants_alpha=Alpha.ASSOCIATED,
     footprint=_footprint,
+    hides=_hides,
     identity=_identity,
     result=_result,
     propagate=_propagate,

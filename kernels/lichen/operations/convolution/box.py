@@ -227,6 +227,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 
 @box.method(
     "running",
+    scratch=1.1,
     error=running_error,
     work=running_work,
     rates={"opencl": Rate(4e-4, 1.5e-9), "numpy": Rate(2e-4, 3e-8)},
@@ -272,6 +273,7 @@ def _from_corners(inputs: Inputs, p: Parameters, kind: type[np.floating[Any]], *
 
 @box.method(
     "table",
+    scratch=10.2,
     knob=Knob("bits", (24.0, 53.0), "precision of the table: float32 or float64", 24, 53),
     error=table_error,
     work=table_work,
@@ -292,6 +294,7 @@ class Table:
 
 @box.method(
     "centred",
+    scratch=5.2,
     error=centred_error,
     work=lambda p, knob, facts: 1.1 * table_work(p, 24, facts),
     rates={"opencl": Rate(2e-4, 1.2e-8), "numpy": Rate(2e-4, 1.2e-8)},

@@ -112,6 +112,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 
 @convolve.method(
     "direct",
+    scratch=0.1,
     error=base.worst(base.direct_error),
     work=base.total(base.direct_work),
     rates={"opencl": Rate(4e-4, 1.4e-11), "numpy": Rate(2e-4, 1.2e-10)},
@@ -160,6 +161,7 @@ def _scaled(means: Array, total: float, bias: float) -> Array:
 
 @convolve.method(
     "separable",
+    scratch=1.1,
     knob=Knob("tolerance", (0.1, 0.03, 1e-2, 1e-3, 1e-6), "share of the kernel's l1 norm that is left out", 0.0, 0.5),
     error=base.worst(base.separable_error),
     work=base.total(base.separable_work),
@@ -192,6 +194,7 @@ def _passes(p: Parameters, tolerance: float) -> lowrank.Passes:
 
 @convolve.method(
     "fft",
+    scratch=4.3,
     error=base.worst(base.fft_error),
     work=base.total(base.fft_work),
     rates={"opencl": Rate(1e-3, 2.6e-8), "numpy": Rate(1e-3, 2.6e-8)},

@@ -153,6 +153,7 @@ def _by_matrices(pixels: Array, weights: tuple[Vector, Vector], border: Border, 
 
 @gaussian.method(
     "fir",
+    scratch=2.1,
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, 0.5),
     error=base.fir_error,
     work=base.fir_work,
@@ -207,6 +208,7 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
 
 @gaussian.method(
     "dct",
+    scratch=6.1,
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the modes that are dropped", 1e-9, 0.5),
     error=base.dct_error,
     work=base.dct_work,
@@ -257,6 +259,7 @@ def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Arr
 
 @gaussian.method(
     "deriche",
+    scratch=3.1,
     knob=Knob("order", (2, 4, 6, 8), "exponentials in the response", 2, 8),
     error=base.recursive_error(base.deriche_filters),
     work=base.recursive_work(base.deriche_filters),
@@ -278,6 +281,7 @@ class Deriche:
 
 @gaussian.method(
     "vliet-young",
+    scratch=3.1,
     knob=Knob("poles", (3, 4, 5), "poles of the all-pole filter", 3, 5),
     error=base.recursive_error(base.vliet_young_filters),
     work=base.recursive_work(base.vliet_young_filters),
@@ -299,6 +303,7 @@ class VlietYoung:
 
 @gaussian.method(
     "box3",
+    scratch=4.4,
     knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1),
     error=base.boxes_error,
     work=base.boxes_work,

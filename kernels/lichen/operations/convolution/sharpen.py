@@ -191,6 +191,7 @@ def _numpy(method: str, inputs: Inputs, p: Parameters, tail: float) -> Array:
 
 @sharpen.method(
     "fir",
+    scratch=2.1,
     knob=gaussian.methods["fir"].knob,
     error=_error("fir"),
     work=_work("fir"),
@@ -211,6 +212,7 @@ class Fir:
 
 @sharpen.method(
     "dct",
+    scratch=5.6,
     knob=gaussian.methods["dct"].knob,
     error=_error("dct"),
     work=_work("dct"),

@@ -18,7 +18,7 @@ from lichen.memory import Array
 from lichen.operation import HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
 from lichen.operations.warp.maps import Projective
-from lichen.operations.warp.matrices import condition_flaws, output_to_input, report, unmoved
+from lichen.operations.warp.matrices import condition_flaws, output_to_input, report, sizes, unmoved
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 
 Row = Annotated[tuple[float, float, float], Field()]
@@ -48,7 +48,11 @@ def _identity(p: Parameters, facts: InputFacts) -> str | None:
     return unmoved(p.array, own_size(p, facts), facts["image"])
 
 
-WARP = Warp[Parameters](lambda p, inputs: map_of(p), largest=lambda p, facts: map_of(p).largest())
+WARP = Warp[Parameters](
+    lambda p, inputs: map_of(p),
+    largest=lambda p, facts: map_of(p).largest(),
+    projective=lambda p, source, result: map_of(p),
+)
 
 affine = declare(
     WARP,
@@ -117,4 +121,4 @@ affine = declare(
 @affine.findings
 def findings(inputs: Inputs, p: Parameters, pixels: Array) -> dict[str, object]:
     """How near the matrix is to a singular one."""
-    return report(p.array, inputs["image"], pixels, p.inverse)
+    return report(p.array, sizes(p, inputs, pixels), p.inverse)

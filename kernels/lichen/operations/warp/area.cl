@@ -22,6 +22,7 @@
     derive(xu, yu, xv, yv, x, y, matrix, steps, first, row, below, width);                                             \
     Shapes shapes;                                                                                                     \
     shape(&shapes, xu, yu, xv, yv);                                                                                    \
+    from_corner(x, y, matrix);                                                                                         \
     fold(x, y, &picture);                                                                                              \
     EACH {                                                                                                             \
         seen[i] = fabs(x[i]) < INFINITY && fabs(y[i]) < INFINITY;                                                      \

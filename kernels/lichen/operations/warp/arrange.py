@@ -40,6 +40,7 @@ from lichen.operations.convolution.borders import continued
 from lichen.operations.warp import cases
 from lichen.operations.warp.launch import built_for
 from lichen.operations.warp.prediction import LARGEST, Size, check_size
+from lichen.part import Part, Place, Rectangle, place_of, placed
 
 STRIP = 64
 Side = Annotated[int, Field(ge=-LARGEST, le=LARGEST, json_schema_extra={"unit": "px"})]
@@ -77,7 +78,13 @@ def _kept(p: Parameters, facts: InputFacts) -> Size:
 
 
 def size_of(p: Parameters, facts: InputFacts) -> Size:
-    width, height = _kept(p, facts)
+    """Columns and rows of what is made."""
+    place = place_of(p)
+    return place.result[2:] if place else _whole(p, (facts["image"].width, facts["image"].height))
+
+
+def _whole(p: Parameters, source: Size) -> Size:
+    width, height = source[0] + p.left + p.right, source[1] + p.top + p.bottom
     if p.transpose:
         width, height = height, width
     return width * p.tile[0], height * p.tile[1]
@@ -85,10 +92,25 @@ def size_of(p: Parameters, facts: InputFacts) -> Size:
 
 def indices(p: Parameters, facts: InputFacts) -> tuple[Index, Index]:
     """What each column and each row of the result reads: columns and rows of the source, or rows and columns where
-    they change places; negative for the border's value."""
-    image, (width, height) = facts["image"], _kept(p, facts)
-    across = continued(np.arange(width) - p.left, image.width, p.border)
-    down = continued(np.arange(height) - p.top, image.height, p.border)
+    they change places; negative for the border's value. Of a part, and told from the corner of what there is of the
+    source, where the parameters say so."""
+    place = place_of(p)
+    if place is None:
+        return _indices(p, (facts["image"].width, facts["image"].height))
+    columns, rows = (some[start : start + length] for some, start, length in _spans(p, place.source_size, place.result))
+    left, top = place.source[1::-1] if p.transpose else place.source[:2]
+    return np.where(columns < 0, columns, columns - left), np.where(rows < 0, rows, rows - top)
+
+
+def _spans(p: Parameters, source: Size, part: Rectangle) -> tuple[tuple[Index, int, int], tuple[Index, int, int]]:
+    columns, rows = _indices(p, source)
+    return (columns, part[0], part[2]), (rows, part[1], part[3])
+
+
+def _indices(p: Parameters, source: Size) -> tuple[Index, Index]:
+    """Of the whole."""
+    across = continued(np.arange(source[0] + p.left + p.right) - p.left, source[0], p.border)
+    down = continued(np.arange(source[1] + p.top + p.bottom) - p.top, source[1], p.border)
     if p.transpose:
         across, down = down, across
     if p.flip in (Flip.HORIZONTAL, Flip.BOTH):
@@ -96,6 +118,23 @@ def indices(p: Parameters, facts: InputFacts) -> tuple[Index, Index]:
     if p.flip in (Flip.VERTICAL, Flip.BOTH):
         down = down[::-1]
     return np.tile(across, p.tile[0]).astype(np.int32), np.tile(down, p.tile[1]).astype(np.int32)
+
+
+def _part(p: Parameters, facts: InputFacts, wanted: Rectangle) -> Part:
+    """What rows and columns are looked up, and nothing beside."""
+    image = facts["image"]
+    source = image.width, image.height
+    read = [some[start : start + length] for some, start, length in _spans(p, source, wanted)]
+    spans = [_range(some) for some in (read[::-1] if p.transpose else read)]
+    shown = spans[0][0], spans[1][0], spans[0][1], spans[1][1]
+    place = Place(source=shown, result=wanted, source_size=source, result_size=_whole(p, source))
+    return Part(placed(p, place), {"image": shown}, wanted)
+
+
+def _range(read: Index) -> tuple[int, int]:
+    """The first of what is read, and how many there are up to the last; at least one."""
+    inside = read[read >= 0]
+    return (int(inside.min()), int(inside.max() - inside.min()) + 1) if inside.size else (0, 1)
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
@@ -152,6 +191,7 @@ arrange = Operation(
     inverse=_inverse,
     result=_result,
     implied=lambda p, facts: "which part of the image a tile shows is known by its place alone",
+    part=_part,
     check=_check,
     examples=(
         {"left": 3, "top": -2, "right": 5, "bottom": 1, "border": "reflect101"},
@@ -184,7 +224,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 
 def _taken(inputs: Inputs, p: Parameters) -> Array:
     pixels = inputs["image"].pixels
-    columns, rows = indices(p, {"image": Facts.of(inputs["image"])})
+    columns, rows = indices(p, {"image": Facts.sized(inputs["image"])})
     if p.transpose:
         pixels = pixels.swapaxes(0, 1)
     made = pixels[np.maximum(rows, 0)][:, np.maximum(columns, 0)]
@@ -215,7 +255,7 @@ class Exact:
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
         image = inputs["image"]
-        columns, rows = indices(p, {"image": Facts.of(image)})
+        columns, rows = indices(p, {"image": Facts.sized(image)})
         out = aligned_empty((len(rows), len(columns), image.channels))
         with device.session() as session:
             session.launch(

@@ -5,7 +5,7 @@ that the first makes, since beyond it lies a border where the source has more to
 at infinity, where the product of two negative w would be positive again. Both conditions are linear, so they hold over
 the result when they hold at its corners.
 
-`link` says what an operation is, as far as this is concerned; `compose` joins two. Pure functions: the planner decides.
+The picture is another one, without the blur of the filter between: the planner joins warps where that is asked for.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lichen.operation import Facts, InputFacts, OperationParameters
-from lichen.operations.warp import affine, homography, rotate
+from lichen import joining
+from lichen.joining import Joined
+from lichen.operation import Border
 from lichen.operations.warp.maps import Doubles, Projective
 from lichen.operations.warp.prediction import Size
 
@@ -25,30 +26,35 @@ SLACK = 1e-9
 
 @dataclass(frozen=True)
 class Link:
-    """A projective warp and the size (width, height) of its result."""
+    """A projective warp, the size (width, height) of its result, and what lies beyond its source."""
 
     map: Projective
     size: Size
+    border: Border = Border.CONSTANT
+    value: float = 0.0
 
     def corners(self) -> Doubles:
         """Of the result, homogeneous, in columns."""
         width, height = self.size
         return np.array([[0, width, width, 0], [0, 0, height, height], [1, 1, 1, 1.0]])
 
-
-def link(parameters: OperationParameters, facts: InputFacts) -> Link | None:
-    """What an operation with these parameters is, or None where it is no projective warp."""
-    match parameters:
-        case affine.Parameters():
-            return Link(affine.map_of(parameters), affine.WARP.size(parameters, facts))
-        case homography.Parameters():
-            return Link(homography.map_of(parameters), homography.WARP.size(parameters, facts))
-        case rotate.Parameters():
-            image: Facts = facts["image"]
-            size = rotate.WARP.size(parameters, facts)
-            return Link(rotate.projective(parameters, (image.width, image.height), size), size)
-        case _:
+    def then(self, following: joining.Link) -> Joined | str | None:
+        """A homography, where `compose` finds one. Near its edge the second filters what lies beyond the first's
+        result, by its own border; the one warp sees the source go on, or end by the first's."""
+        if not isinstance(following, Link):
             return None
+        both = compose(self, following)
+        if isinstance(both, str):
+            return both
+        said = {
+            "matrix": both.map.array.tolist(),
+            "inverse": True,
+            "width": both.size[0],
+            "height": both.size[1],
+            "border": self.border,
+            "value": self.value,
+        }
+        return Joined("homography", said, same=False, reason="two warps are one, and the image is filtered once")
 
 
 def compose(first: Link, second: Link) -> Link | str:
@@ -63,4 +69,4 @@ def compose(first: Link, second: Link) -> Link | str:
     both = first.map.array @ second.map.array
     if (both @ second.corners())[2].min() <= 0:
         return "the first looks behind its plane"
-    return Link(Projective.of(both), second.size)
+    return Link(Projective.of(both), second.size, first.border, first.value)

@@ -105,7 +105,11 @@ def _identity(p: Parameters, facts: InputFacts) -> str | None:
     return matrices.unmoved(p.array, own_size(p, facts), facts["image"])
 
 
-WARP = Warp[Parameters](lambda p, inputs: map_of(p), largest=lambda p, facts: map_of(p).largest())
+WARP = Warp[Parameters](
+    lambda p, inputs: map_of(p),
+    largest=lambda p, facts: map_of(p).largest(),
+    projective=lambda p, source, result: map_of(p),
+)
 
 HORIZON = [[1.0, 0.0, 0.0], [0.0, 0.3, 6.0], [0.0, 0.125, -1.0]]
 """Output to input: the vanishing line is row 8 of the output."""
@@ -155,6 +159,6 @@ homography = declare(
 @homography.findings
 def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
     """The matrix, its condition number, and how well points were met."""
-    found = matrices.report(p.array, inputs["image"], pixels, p.backward)
+    found = matrices.report(p.array, matrices.sizes(p, inputs, pixels), p.backward)
     fitted = p.fitted
     return found if fitted is None else {**found, "largest_residual": fitted.residual}

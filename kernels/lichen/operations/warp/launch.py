@@ -17,7 +17,7 @@ from lichen.opencl.device import Device
 from lichen.opencl.session import Argument, Session
 from lichen.operation import Border
 from lichen.operations.warp.levels import sizes
-from lichen.operations.warp.maps import Map, Projective
+from lichen.operations.warp.maps import Map, Projective, Windowed
 from lichen.operations.warp.reference import BAND as HELD
 from lichen.operations.warp.reference import Closed, Source, grid
 
@@ -37,7 +37,8 @@ def built_for(channels: int) -> dict[str, int]:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """The places of some rows of a result on the device: nine numbers, or tables of coordinates and of their steps."""
+    """The places of some rows of a result on the device: nine numbers and the corners of two parts, or tables
+    of coordinates and of their steps."""
 
     top: int
     rows: int
@@ -59,13 +60,15 @@ class Band:
 def bands(session: Session, map_: Map, width: int, height: int, *, steps: bool) -> Iterator[Band]:
     """All rows of a map, some at a time so that tables stay in the cache; `steps` where footprints are wanted, too.
     What is launched on one band comes before the next band is filled."""
-    recipe = map_.recipe()
-    if isinstance(map_, Projective):
-        yield Band(0, height, width, matrix=aligned(map_.array.reshape(-1), np.float64))
+    recipe, whole = map_.recipe(), map_.of if isinstance(map_, Windowed) else map_
+    if isinstance(whole, Projective):
+        corners = (*map_.result, *map_.source) if isinstance(map_, Windowed) else (0, 0, 0, 0)
+        yield Band(0, height, width, matrix=aligned(np.array([*whole.array.reshape(-1), *corners]), np.float64))
         return
     if recipe is None:
         yield _by_host(map_, width, height, steps)
         return
+    corner = map_.result if isinstance(map_, Windowed) else (0, 0)
     numbers = aligned(np.concatenate([map_.periods, recipe.numbers]), np.float64)
     given = None if recipe.given is None else aligned(recipe.given)
     rows = min(height, max(GROUP[1], BAND // width // GROUP[1] * GROUP[1]))
@@ -75,8 +78,8 @@ def bands(session: Session, map_: Map, width: int, height: int, *, steps: bool) 
         band = Band(top, min(rows, height - top), width, table=table, steps=along)
         session.launch(
             recipe.source, "places", band.grid, numbers, given, session.write(table),
-            None if along is None else session.write(along), np.int32(width), np.int32(height), np.int32(top),
-            np.int32(band.rows), local=GROUP,
+            None if along is None else session.write(along), *(np.int32(n) for n in (width, height, *corner)),
+            np.int32(top), np.int32(band.rows), local=GROUP,
         )  # fmt: skip
         yield band
 

@@ -26,6 +26,7 @@ from lichen.operations.warp import cases
 from lichen.operations.warp.lenses import Lens, Model
 from lichen.operations.warp.maps import Doubles, Map, Recipe
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
+from lichen.part import place_of
 
 
 class Direction(StrEnum):
@@ -139,14 +140,17 @@ lens_distort = declare(
 
 @lens_distort.findings
 def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
-    """How many pixels of the result have no place in the source, and where the lens ends, in focal lengths."""
-    map_, (height, width), lens = _map(p, inputs), pixels.shape[:2], p.lens
-    u, background = np.arange(width) + 0.5, 0
+    """How many pixels of the result have no place in the source, and where the lens ends, in focal lengths; the `part`
+    of the result that was made, where that is not all."""
+    map_, (height, width), lens, place = _map(p, inputs), pixels.shape[:2], p.lens, place_of(p)
+    left, top = place.result[:2] if place else (0, 0)
+    u, background = left + np.arange(width) + 0.5, 0
     for first in range(0, height, ROWS):
-        v = np.arange(first, min(first + ROWS, height))[:, np.newaxis] + 0.5
+        v = top + np.arange(first, min(first + ROWS, height))[:, np.newaxis] + 0.5
         if lens.p == (0, 0):  # a radius tells, without the search for its place
             shown = lens.answers(np.hypot(*map_.counted(u, v)), distorts=p.direction is Direction.UNDISTORT)
         else:
             shown = np.isfinite(map_.at(u, v)[0])
         background += int(np.count_nonzero(~shown))
-    return {"background": background, "end_of_lens": lens.radial.end}
+    found = {"background": background, "end_of_lens": lens.radial.end}
+    return found if place is None else {**found, "part": list(place.result)}

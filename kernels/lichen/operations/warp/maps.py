@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lichen.memory import Array
+from lichen.part import Place
 
 Doubles = Array
 """Of float64."""
@@ -139,3 +140,36 @@ class Projective(Map):
             w = self._ahead(g * u + h * v + i)
             x, y = (a * u + b * v + c) / w, (d * u + e * v + f) / w
             return Places(x, y, (a - x * g) / w, (d - y * g) / w, (b - x * h) / w, (e - y * h) / w)
+
+
+@dataclass(frozen=True)
+class Windowed(Map):
+    """Another map's places for a part of the result, told from the corner of a part of the source.
+
+    Whole numbers are added before and subtracted after, so that a place inside the source has the bits that it has in
+    the whole, less the corner."""
+
+    of: Map
+    result: tuple[int, int]
+    """left and top of the part of the result"""
+    source: tuple[int, int]
+    """left and top of the part of the source"""
+
+    @classmethod
+    def by(cls, of: Map, place: Place | None) -> Map:
+        return of if place is None else cls(of, place.result[:2], place.source[:2])
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "periods", self.of.periods)
+
+    def recipe(self) -> Recipe | None:
+        """That of the whole, which the device begins at the corner; places are told from the source's first pixel."""
+        return None if any(self.source) else self.of.recipe()
+
+    def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
+        x, y = self.of.at(u + self.result[0], v + self.result[1])
+        return x - self.source[0], y - self.source[1]
+
+    def places(self, u: Doubles, v: Doubles) -> Places:
+        at = self.of.places(u + self.result[0], v + self.result[1])
+        return at._replace(x=at.x - self.source[0], y=at.y - self.source[1])

@@ -13,10 +13,10 @@ import math
 import numpy as np
 
 from lichen.errors import Flaw
-from lichen.image import Image
 from lichen.memory import Array
-from lichen.operation import Facts
+from lichen.operation import Facts, Inputs, OperationParameters
 from lichen.operations.warp.maps import Doubles
+from lichen.part import place_of
 
 SINGULAR = 1e12
 
@@ -50,27 +50,33 @@ def condition(matrix: Array, source: tuple[int, int], target: tuple[int, int]) -
     return math.inf if values[-1] == 0 else float(values[0] / values[-1])
 
 
-def _condition(matrix: Array, image: Facts | Image, target: tuple[int, int], inverse: bool) -> float:
-    source = (image.width, image.height)
-    return condition(matrix, *((target, source) if inverse else (source, target)))
-
-
 def condition_flaws(
     matrix: Array, image: Facts, target: tuple[int, int], inverse: bool, name: str = "matrix"
 ) -> list[Flaw]:
-    number = _condition(matrix, image, target, inverse)
+    source = (image.width, image.height)
+    number = condition(matrix, *((target, source) if inverse else (source, target)))
     if number < SINGULAR:
         return []
     return [Flaw(f"/parameters/{name}", f"is singular, or nearly so (condition number {number:.3g})")]
 
 
-def report(matrix: Array, image: Image, pixels: Array, inverse: bool) -> dict[str, object]:
-    """Findings: the condition number, and the matrix both ways."""
-    height, width = pixels.shape[:2]
+Sizes = tuple[tuple[int, int], tuple[int, int]]
+
+
+def sizes(p: OperationParameters, inputs: Inputs, pixels: Array) -> Sizes:
+    """Width and height of the source and of the result, in whole where only parts of them are there."""
+    place, image = place_of(p), inputs["image"]
+    if place is not None:
+        return place.source_size, place.result_size
+    return (image.width, image.height), (pixels.shape[1], pixels.shape[0])
+
+
+def report(matrix: Array, between: Sizes, inverse: bool) -> dict[str, object]:
+    """Findings: the condition number between images of these sizes, and the matrix both ways."""
     backward = output_to_input(matrix, inverse=inverse)
     forward = matrix if not inverse else np.linalg.inv(matrix)
     return {
-        "condition": _condition(matrix, image, (width, height), inverse),
+        "condition": condition(matrix, *(between[::-1] if inverse else between)),
         "input_to_output": np.asarray(forward).tolist(),
         "output_to_input": backward.tolist(),
     }

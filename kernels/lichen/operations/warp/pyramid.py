@@ -139,7 +139,7 @@ def halved(pixels: Array, p: Parameters) -> Array:
 
 
 def _in_numpy(inputs: Inputs, p: Parameters, pixels: Array) -> Array:
-    facts = Facts.of(inputs["image"])
+    facts = Facts.sized(inputs["image"])
     levels = [pixels]
     for _ in sizes(p, facts)[1:]:
         levels.append(halved(levels[-1], p))
@@ -231,7 +231,7 @@ class Single:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        image = Facts.of(inputs["image"])
+        image = Facts.sized(inputs["image"])
         levels = [aligned(inputs["image"].pixels)]
         with device.session() as session:
             for width, height in sizes(p, image)[1:]:

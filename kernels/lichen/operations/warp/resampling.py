@@ -43,10 +43,11 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.warp import kernels
+from lichen.operations.warp.composition import Link
 from lichen.operations.warp.kernels import Kernel
 from lichen.operations.warp.launch import averaged, sampled, samples_of
 from lichen.operations.warp.levels import pyramid, spline
-from lichen.operations.warp.maps import Doubles, Map
+from lichen.operations.warp.maps import Doubles, Map, Projective, Windowed
 from lichen.operations.warp.prediction import (
     LARGEST,
     POINTS,
@@ -70,6 +71,8 @@ from lichen.operations.warp.reference import (
     supersampled,
     truth_sampler,
 )
+from lichen.operations.warp.shown import part_shown
+from lichen.part import Part, Place, Rectangle, place_of, placed
 
 
 class Resampled(OperationParameters):
@@ -106,12 +109,28 @@ class Warp(Generic[P]):
     """how the image continues where that is no choice"""
     largest: Callable[[P, InputFacts], float | None] = lambda p, facts: None
     """the most that the map shrinks the source by, where that is known without pixels"""
+    projective: Callable[[P, Size, Size], Projective] | None = None
+    """the map by the sizes of the whole source and of the whole result, where it is projective"""
 
     def source(self, inputs: Inputs, p: P) -> Source:
         return Source(inputs["image"].pixels, self.closed(p) or p.border, p.value)
 
     def extent_of(self, inputs: Inputs, p: P) -> Size:
-        return self.size(p, {name: Facts.of(image) for name, image in inputs.items()})
+        """Of the whole result."""
+        place = place_of(p)
+        return place.result_size if place else self.size(p, {key: Facts.sized(image) for key, image in inputs.items()})
+
+    def made(self, p: P, facts: InputFacts) -> Size:
+        """Of what is made, which may be a part."""
+        place = place_of(p)
+        return place.result[2:] if place else self.size(p, facts)
+
+    def made_of(self, inputs: Inputs, p: P) -> Size:
+        return self.made(p, {name: Facts.sized(image) for name, image in inputs.items()})
+
+    def looks(self, p: P, inputs: Inputs) -> Map:
+        """The map of what is made, to what there is of the source."""
+        return Windowed.by(self.map(p, inputs), place_of(p))
 
     def shrinks(self, p: P, facts: InputFacts) -> bool:
         largest = self.largest(p, facts)
@@ -119,8 +138,30 @@ class Warp(Generic[P]):
 
     def by(self, inputs: Inputs, p: P, sampler: Sampler, source: Source | None = None) -> Doubles:
         """The result in NumPy."""
-        width, height = self.extent_of(inputs, p)
-        return resample(source or self.source(inputs, p), self.map(p, inputs), width, height, sampler)
+        width, height = self.made_of(inputs, p)
+        return resample(source or self.source(inputs, p), self.looks(p, inputs), width, height, sampler)
+
+
+def part_of(warp: Warp[P], p: P, facts: InputFacts, wanted: Rectangle) -> Part | None:
+    """A rectangle of the result, of the part of the source that it shows where the map is known to be projective, and
+    of the whole source where it is not."""
+    image = facts["image"]
+    whole, made = (image.width, image.height), warp.size(p, facts)
+    shown: Rectangle | None = (0, 0, *whole)
+    if warp.projective is not None:
+        shown = part_shown(warp.projective(p, whole, made), p.border, whole, wanted)
+    if shown is None:
+        return None
+    place = Place(source=shown, result=wanted, source_size=whole, result_size=made)
+    return Part(placed(p, place), {"image": shown}, wanted)
+
+
+def link(warp: Warp[P], p: P, facts: InputFacts) -> Link | None:
+    """What a projective warp is for its neighbours."""
+    image, size = facts["image"], warp.size(p, facts)
+    if warp.projective is None:
+        return None
+    return Link(warp.projective(p, (image.width, image.height), size), size, p.border, p.value)
 
 
 # ------------------------------------------------------------------------------------------------------- declaration
@@ -150,9 +191,11 @@ def declare(
         light=Light.LINEAR,
         wants_alpha=Alpha.ASSOCIATED,
         footprint=lambda p, facts: WHOLE,
-        result=lambda p, facts: result_facts(p, facts, warp.size(p, facts)),
+        result=lambda p, facts: result_facts(p, facts, warp.made(p, facts)),
         propagate=lambda p, facts, error: error * TRUTH_GAIN,
         implied=lambda p, facts: "which part of the image a tile shows is known by its map alone",
+        part=(lambda p, facts, wanted: part_of(warp, p, facts, wanted)) if len(inputs) == 1 else None,
+        link=lambda p, facts: link(warp, p, facts),
         identity=identity,
         check=lambda p, facts: check(p, facts) or check_size(facts["image"], warp.size(p, facts)),
         customary=("ewa", 1.0),
@@ -182,7 +225,7 @@ def declare(
 
 def _work(warp: Warp[P], p: P, facts: InputFacts) -> float:
     """Pixels of the result, in blocks of four channels."""
-    width, height = warp.size(p, facts)
+    width, height = warp.made(p, facts)
     return width * height * -(-facts["image"].channels // 4)
 
 
@@ -199,8 +242,8 @@ def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Ra
                 source, around = spline(source)
             name = {1: "nearest", 2: "linear", 4: "four", 6: "six"}[kernel.taps]
             further = (np.int32(kernel.code),) if kernel.taps == 4 else ()
-            size = warp.extent_of(inputs, p)
-            return sampled(device, source, warp.map(p, inputs), size, name, *further, around=around)
+            size = warp.made_of(inputs, p)
+            return sampled(device, source, warp.looks(p, inputs), size, name, *further, around=around)
 
         @staticmethod
         def numpy(inputs: Inputs, p: P, knob: float) -> Array:
@@ -217,6 +260,7 @@ def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Ra
         error=lambda p, knob, facts: error_of(kernel.name, p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts),
         rates={"opencl": rate, "numpy": Rate(3e-4, 1e-7 * kernel.taps**2)},
+        scratch=8.3 if prefiltered else 0.1,
     )(ByKernel)
 
 
@@ -234,6 +278,7 @@ TOLD = {
 def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
     @operation.method(
         "mip",
+        scratch=0.4,
         error=lambda p, knob, facts: error_of("mip", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts) + facts["image"].samples / 4,
         rates={"opencl": Rate(1.5e-3, 1.4e-8), "numpy": Rate(2e-3, 6e-7)},
@@ -245,7 +290,7 @@ def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
         def opencl(device: Device, inputs: Inputs, p: P, knob: float) -> Array:
             if not device.has_fp64:
                 return Mip.numpy(inputs, p, knob)
-            return averaged(device, warp.source(inputs, p), warp.map(p, inputs), warp.extent_of(inputs, p), "mip")
+            return averaged(device, warp.source(inputs, p), warp.looks(p, inputs), warp.made_of(inputs, p), "mip")
 
         @staticmethod
         def numpy(inputs: Inputs, p: P, knob: float) -> Array:
@@ -255,6 +300,7 @@ def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
 def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
     @operation.method(
         "supersampled",
+        scratch=0.1,
         knob=POINTS,
         error=lambda p, knob, facts: error_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts) * (8 + (knob**2 if warp.shrinks(p, facts) else 0)),
@@ -267,9 +313,9 @@ def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
         def opencl(device: Device, inputs: Inputs, p: P, knob: float) -> Array:
             if not device.has_fp64:
                 return Supersampled.numpy(inputs, p, knob)
-            source, size = warp.source(inputs, p), warp.extent_of(inputs, p)
+            source, size = warp.source(inputs, p), warp.made_of(inputs, p)
             points = samples_of(round(knob))
-            return averaged(device, source, warp.map(p, inputs), size, "super", *points, deep=False)
+            return averaged(device, source, warp.looks(p, inputs), size, "super", *points, deep=False)
 
         @staticmethod
         def numpy(inputs: Inputs, p: P, knob: float) -> Array:
@@ -279,6 +325,7 @@ def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
 def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
     @operation.method(
         "ewa",
+        scratch=0.4,
         knob=SAMPLES,
         error=lambda p, knob, facts: error_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: (
@@ -294,7 +341,7 @@ def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
             if not device.has_fp64:
                 return Ewa.numpy(inputs, p, knob)
             cut = np.float32(knob), np.float32(reach_of(knob))
-            return averaged(device, warp.source(inputs, p), warp.map(p, inputs), warp.extent_of(inputs, p), "ewa", *cut)
+            return averaged(device, warp.source(inputs, p), warp.looks(p, inputs), warp.made_of(inputs, p), "ewa", *cut)
 
         @staticmethod
         def numpy(inputs: Inputs, p: P, knob: float) -> Array:

@@ -52,6 +52,7 @@ from lichen.operations.warp.kernels import Kernel
 from lichen.operations.warp.launch import built_for
 from lichen.operations.warp.prediction import LARGEST, Size, check_size, result_facts
 from lichen.operations.warp.separable import Axis, axis
+from lichen.part import Part, Place, Rectangle, place_of, placed
 
 Factor = Annotated[float, Field(gt=0, le=LARGEST)]
 STRIP, BLOCK = 64, 4
@@ -131,9 +132,44 @@ def _covered(before: int, after: int) -> Axis:
     return Axis(index.astype(np.int32), weights / weights.sum(axis=1, keepdims=True), np.zeros(after))
 
 
-def _axes(p: Parameters, image: Facts, size: Size, name: str) -> tuple[Axis, Axis]:
+def _sizes(p: Parameters, image: Facts) -> tuple[Size, Size]:
+    """Of the whole image and of the whole result."""
+    place = place_of(p)
+    return (
+        (place.source_size, place.result_size) if place else ((image.width, image.height), size_of(p, {"image": image}))
+    )
+
+
+def made(p: Parameters, image: Facts) -> Size:
+    """Of what is made, which may be a part."""
+    place = place_of(p)
+    return place.result[2:] if place else size_of(p, {"image": image})
+
+
+def _axes(p: Parameters, image: Facts, name: str) -> tuple[Axis, Axis]:
     """Across and down."""
-    return table(image.width, size[0], name, p.border), table(image.height, size[1], name, p.border)
+    before, after = _sizes(p, image)
+    across, down = (table(before[way], after[way], name, p.border) for way in (0, 1))
+    place = place_of(p)
+    if place is None:
+        return across, down
+    (left, top, width, height), (x, y, columns, rows) = place.source, place.result
+    return across.part(x, columns, left, width), down.part(y, rows, top, height)
+
+
+def _part(p: Parameters, facts: InputFacts, wanted: Rectangle) -> Part:
+    """The samples that any of the kernels takes."""
+    before, after = _sizes(p, facts["image"])
+    x, y, columns, rows = wanted
+    spans = []
+    for way, first, count in ((0, x, columns), (1, y, rows)):
+        each = [table(before[way], after[way], name, p.border).read(first, count) for name in METHODS]
+        low, high = min(start for start, _ in each), max(end for _, end in each)
+        spans.append((low, high - low))
+    shown = spans[0][0], spans[1][0], spans[0][1], spans[1][1]
+    return Part(
+        placed(p, Place(source=shown, result=wanted, source_size=before, result_size=after)), {"image": shown}, wanted
+    )
 
 
 @lru_cache(maxsize=128)
@@ -155,30 +191,31 @@ def _apart(before: int, after: int, name: str, border: Border) -> tuple[float, f
 
 
 def error(name: str, p: Parameters, knob: float, facts: InputFacts) -> Error:
-    image, size = facts["image"], size_of(p, facts)
+    image = facts["image"]
     low, high = image.extent.low, image.extent.high
     if p.border is Border.CONSTANT:
         low, high = min(low, p.value), max(high, p.value)
-    across, down = _axes(p, image, size, name)
+    across, down = _axes(p, image, name)
     least = 1.01 * (across.taps + down.taps + 8) * ROUNDING * across.gain * down.gain * max(abs(low), abs(high))
     if name == "lanczos3":
         return Error(least, "bound", least)
-    true_down = table(image.height, size[1], "lanczos3", p.border)
-    wide, wide_rms = _apart(image.width, size[0], name, p.border)
-    tall, tall_rms = _apart(image.height, size[1], name, p.border)
+    before, after = _sizes(p, image)
+    true_down = table(before[1], after[1], "lanczos3", p.border)
+    wide, wide_rms = _apart(before[0], after[0], name, p.border)
+    tall, tall_rms = _apart(before[1], after[1], name, p.border)
     apart = wide * true_down.gain + across.gain * tall
     typical = min(0.2 * math.hypot(wide_rms, tall_rms), apart / 2)
     return Error((high - low) / 2 * apart + least, "bound", least, (high - low) * typical + least)
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
-    image, size = facts["image"], size_of(p, facts)
-    gains = [math.prod(each.gain for each in _axes(p, image, size, name)) for name in METHODS]
-    return result_facts(p, facts, size, max(gains))
+    image = facts["image"]
+    gains = [math.prod(each.gain for each in _axes(p, image, name)) for name in METHODS]
+    return result_facts(p, facts, made(p, image), max(gains))
 
 
 def _propagate(p: Parameters, facts: InputFacts, by: float) -> float:
-    return by * math.prod(each.gain for each in _axes(p, facts["image"], size_of(p, facts), "lanczos3"))
+    return by * math.prod(each.gain for each in _axes(p, facts["image"], "lanczos3"))
 
 
 def _identity(p: Parameters, facts: InputFacts) -> str | None:
@@ -188,8 +225,8 @@ def _identity(p: Parameters, facts: InputFacts) -> str | None:
 
 def _work(name: str, p: Parameters, knob: float, facts: InputFacts) -> float:
     """Multiplications of both passes, rows first."""
-    image, (width, height) = facts["image"], size_of(p, facts)
-    across, down = _axes(p, image, (width, height), name)
+    image, (width, height) = facts["image"], made(p, facts["image"])
+    across, down = _axes(p, image, name)
     return float(image.channels * (height * image.width * (down.taps + 1) + height * width * (across.taps + 1)))
 
 
@@ -216,6 +253,7 @@ resize = Operation(
     result=_result,
     propagate=_propagate,
     implied=lambda p, facts: "the result has another size than the image",
+    part=_part,
     identity=_identity,
     check=_check,
     customary=("lanczos3", 0.0),
@@ -255,14 +293,14 @@ resize = Operation(
 @resize.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
     image = inputs["image"]
-    across, down = _axes(p, Facts.of(image), size_of(p, {"image": Facts.of(image)}), "lanczos3")
+    across, down = _axes(p, Facts.sized(image), "lanczos3")
     return across.apply(down.apply(image.pixels, p.value).swapaxes(0, 1), p.value).swapaxes(0, 1)
 
 
 def _opencl(device: Device, inputs: Inputs, p: Parameters, name: str) -> Array:
     image = inputs["image"]
-    width, height = size_of(p, {"image": Facts.of(image)})
-    across, down = _axes(p, Facts.of(image), (width, height), name)
+    width, height = made(p, Facts.sized(image))
+    across, down = _axes(p, Facts.sized(image), name)
     channels = image.channels
     out = aligned_empty((height, width, channels))
     with device.session() as session:
@@ -287,7 +325,7 @@ def tables(one: Axis, value: float) -> tuple[Array, Array, Array]:
 
 def _numpy(inputs: Inputs, p: Parameters, name: str) -> Array:
     image = inputs["image"]
-    across, down = _axes(p, Facts.of(image), size_of(p, {"image": Facts.of(image)}), name)
+    across, down = _axes(p, Facts.sized(image), name)
     return aligned(across.apply(down.apply(image.pixels, p.value).swapaxes(0, 1), p.value).swapaxes(0, 1))
 
 

@@ -32,6 +32,7 @@ from lichen.operations.warp.maps import Projective
 from lichen.operations.warp.prediction import Size, shears_error
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 from lichen.operations.warp.shears import turned_by_shears
+from lichen.part import place_of
 
 
 class Parameters(WarpParameters):
@@ -66,8 +67,8 @@ def projective(p: Parameters, source: Size, target: Size) -> Projective:
 
 
 def _map(p: Parameters, inputs: Inputs) -> Projective:
-    image = inputs["image"]
-    return projective(p, (image.width, image.height), WARP.extent_of(inputs, p))
+    image, place = inputs["image"], place_of(p)
+    return projective(p, place.source_size if place else (image.width, image.height), WARP.extent_of(inputs, p))
 
 
 def _identity(p: Parameters, facts: InputFacts) -> str | None:
@@ -77,7 +78,7 @@ def _identity(p: Parameters, facts: InputFacts) -> str | None:
 
 
 # A turn shrinks by 1 exactly; what rounding makes of that is no shrinking.
-WARP = Warp[Parameters](_map, _size, largest=lambda p, facts: 1.0)
+WARP = Warp[Parameters](_map, _size, largest=lambda p, facts: 1.0, projective=projective)
 
 rotate = declare(
     WARP,
@@ -124,6 +125,7 @@ rotate = declare(
     error=lambda p, knob, facts: shears_error(p, knob, facts),
     work=lambda p, knob, facts: facts["image"].samples * 6 * round(knob),
     rates={"opencl": Rate(2e-3, 8e-9), "numpy": Rate(2e-3, 8e-9)},
+    unfit=lambda p, facts: None if place_of(p) is None else "turns whole pictures about their middle",
 )
 class Shears:
     """Three shears, each a shift of whole lines by a fraction: one dimension at a time, on the processor."""

@@ -43,6 +43,18 @@ class Axis:
     def taps(self) -> int:
         return int(self.index.shape[1])
 
+    def read(self, first: int, count: int) -> tuple[int, int]:
+        """The first sample that some of the result take, and the one after the last."""
+        some = slice(first, first + count)
+        taken = self.index[some][self.weights[some] != 0]
+        return (int(taken.min()), int(taken.max()) + 1) if taken.size else (0, 1)
+
+    def part(self, first: int, count: int, start: int, length: int) -> Axis:
+        """Of so many samples of the result from the first on, from so many of the source."""
+        some = slice(first, first + count)
+        index = np.clip(self.index[some] - np.int32(start), 0, length - 1)
+        return Axis(index, self.weights[some], self.constant[some])
+
     def apply(self, pixels: Array, value: float) -> Array:
         """Along the first axis."""
         shape = (-1, *(1,) * (pixels.ndim - 1))

@@ -16,6 +16,7 @@
     double x[SEGMENT], y[SEGMENT];                                                                                     \
     int seen[SEGMENT];                                                                                                 \
     locate(x, y, matrix, table, first, row, below, width);                                                             \
+    from_corner(x, y, matrix);                                                                                         \
     EACH {                                                                                                             \
         x[i] += around;                                                                                                \
         y[i] += around;                                                                                                \

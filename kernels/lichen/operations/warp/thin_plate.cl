@@ -6,10 +6,10 @@
 kernel void places(ARGUMENTS) {
     WHERE
     const int knots = (int)p[2];
-    const double by = p[5], dv = (row + 0.5 - p[4]) * by, left = first + 0.5 - p[3];
+    const double by = p[5], dv = (row + 0.5 - p[4]) * by, start_u = column + 0.5 - p[3];
     double at[SEGMENT], x[SEGMENT], y[SEGMENT], xu[SEGMENT], yu[SEGMENT], xv[SEGMENT], yv[SEGMENT];
     EACH {
-        at[i] = (left + i) * by;
+        at[i] = (start_u + i) * by;
         x[i] = p[6] + p[8] * at[i] + p[10] * dv;
         y[i] = p[7] + p[9] * at[i] + p[11] * dv;
         xu[i] = p[8];
@@ -33,7 +33,7 @@ kernel void places(ARGUMENTS) {
         }
     }
     for (int i = 0; i < count; ++i) {
-        table[2 * (start + i)] = first + i + 0.5 + x[i];
+        table[2 * (start + i)] = column + i + 0.5 + x[i];
         table[2 * (start + i) + 1] = row + 0.5 + y[i];
         if (steps)
             vstore4((float4)(1.0 + xu[i] * by, yu[i] * by, xv[i] * by, 1.0 + yv[i] * by), start + i, steps);

@@ -18,7 +18,7 @@ from lichen.image import as_image
 from lichen.operation import Facts
 from lichen.operations.warp.affine import affine
 from lichen.operations.warp.charts import Chart, Sphere
-from lichen.operations.warp.composition import Link, compose, link
+from lichen.operations.warp.composition import Link, compose
 from lichen.operations.warp.displace import gradient_noise
 from lichen.operations.warp.homography import homography
 from lichen.operations.warp.lenses import Lens, Model
@@ -305,9 +305,9 @@ def test_two_warps_are_one() -> None:
     facts = {"image": Facts.of(as_image(PHOTO))}
     first = affine.validate({"matrix": [[1.2, 0.1, -3], [0.05, 1.3, -4]]})
     second = homography.validate({"matrix": [[1.5, 0.1, -20], [0.1, 1.6, -25], [1e-3, 5e-4, 1]]})
-    one, other = link(first, facts), link(second, facts)
-    assert one is not None
-    assert other is not None
+    one, other = affine.link(first, facts), homography.link(second, facts)
+    assert isinstance(one, Link)
+    assert isinstance(other, Link)
     both = compose(one, other)
     assert isinstance(both, Link), both
     halfway = lichen.run("affine", PHOTO, method="bspline", **first.model_dump()).image
@@ -318,9 +318,10 @@ def test_two_warps_are_one() -> None:
 
 def test_what_would_be_lost_between_is_not_composed() -> None:
     facts = {"image": Facts.of(as_image(PHOTO))}
-    away = link(affine.validate({"matrix": [[1, 0, 30], [0, 1, 0]]}), facts)
-    back = link(affine.validate({"matrix": [[1, 0, -30], [0, 1, 0]]}), facts)
+    away = affine.link(affine.validate({"matrix": [[1, 0, 30], [0, 1, 0]]}), facts)
+    back = affine.link(affine.validate({"matrix": [[1, 0, -30], [0, 1, 0]]}), facts)
     assert away is not None
     assert back is not None
-    assert compose(away, back) == "the second looks beyond what the first makes"
-    assert link(lichen.operations()["resize"].validate({"scale": 2}), facts) is None
+    assert away.then(back) == "the second looks beyond what the first makes"
+    resize = lichen.operations()["resize"]
+    assert resize.link(resize.validate({"scale": 2}), facts) is None
