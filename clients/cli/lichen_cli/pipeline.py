@@ -49,7 +49,7 @@ def main(arguments: Sequence[str]) -> int:
         flaws += invalid.flaws
     if flaws or pipeline is None:
         raise InvalidRequest("This pipeline is not valid.", flaws)
-    sources, targets = _distributed(pipeline, paths, sources, targets, bare=options.explain)
+    sources, targets = _distributed(pipeline, paths, sources, targets, bare=bool(options.explain))
     missing = [name for name in pipeline.inputs if name not in sources]
     if missing:
         raise InvalidRequest("A picture is missing.", [Flaw(f"/inputs/{name}", "is required") for name in missing])

@@ -182,11 +182,49 @@ def test_buffers_sent_along_are_lit_like_objects() -> None:
 
 def test_random_scenes_are_the_same_pruned_and_whole() -> None:
     rng = np.random.default_rng(11)
-    for _ in range(6):
-        made = random_scene(rng)
+    for number in range(6):
+        made = dict(random_scene(rng))
+        if number % 2:
+            made["lights"] = [*made["lights"], *MANY]
         pruned, whole = lichen.render(made), lichen.render(made, prune=False)
         apart = np.abs(pruned.image.pixels - whole.image.pixels).max()
         assert apart <= 1e-5 * max(1.0, float(np.abs(whole.image.pixels).max())), made
+
+
+MANY = [
+    {
+        "kind": "spot", "position": [x, 2.5, z], "direction": [0, -1, 0], "inner": 12, "outer": 24, "intensity": 6,
+        **({"shadow": {"size": 32, "filter": 2}} if z > 0 else {}),
+    }
+    for x in (-3.0, -1.5, 0.0, 1.5, 3.0) for z in (-3.0, -1.0, 1.0)
+]  # fmt: skip
+
+
+def test_lamps_are_left_out_of_tiles_and_nothing_changes() -> None:
+    camera = {**STILL["camera"], "width": 150, "height": 110}
+    scene = {**STILL, "camera": camera, "lights": [*MANY, *STILL["lights"]], "surface": {"model": "blinn_phong"}}
+    pruned, whole = lichen.render(scene), lichen.render(scene, prune=False)
+    np.testing.assert_allclose(pruned.image.pixels, whole.image.pixels, atol=1e-6)
+    said = [each for each in pruned.decisions if each.pass_ == "tiles"]
+    assert {each.reason.split(":")[0] for each in said} >= {"it lies outside the lamp's cone"}
+    assert all(each.action == "skipped" and each.bound == 0 for each in said)
+    assert not [each for each in whole.decisions if each.pass_ == "tiles"]
+
+
+@pytest.mark.parametrize("kind", ["exponential", "height"])
+def test_what_fog_hides_is_not_lit(kind: str) -> None:
+    """By as much as no stored code shows, and only where such codes are asked for."""
+    fog = {"kind": kind, "density": 2.2, "falloff": 9, "colour": [0.6, 0.68, 0.8]}
+    lamps = [{"kind": "point", "position": [x, 3, 2], "intensity": 3} for x in np.linspace(-2, 2, 18)]
+    camera = {**STILL["camera"], "width": 150, "height": 110}
+    scene = {**STILL, "camera": camera, "fog": fog, "lights": lamps}
+    stored, whole = lichen.render(scene, storage="uint8"), lichen.render(scene, prune=False)
+    found = {each.reason.split(":")[0]: each.bound for each in stored.decisions if each.pass_ == "tiles"}
+    apart = np.abs(stored.image.pixels - whole.image.pixels).max()
+    assert found["fog hides it"] > 0
+    assert 0 < apart <= sum(found.values()) <= 0.25 / 255 / 32 + 1e-9
+    assert stored.error.value >= apart
+    assert np.abs(lichen.render(scene).image.pixels - whole.image.pixels).max() < 1e-6
 
 
 def random_scene(rng: np.random.Generator) -> Mapping[str, Any]:

@@ -53,6 +53,10 @@ class Parameters(OperationParameters):
     """the direction towards a viewer at infinity"""
     local_viewer: bool = True
     """whether the viewer is at `eye`, given positions, or at infinity"""
+    effect: int = Field(0, ge=0, le=4095)
+    """the channel of `tiles` that is about the first lamp; the others follow"""
+    faint: float = Field(0.0, ge=0, le=1e6)
+    """what `tiles` leave out of the light of a pixel at most: it counts as an error"""
 
     @property
     def fresnel(self) -> Fresnel:

@@ -46,7 +46,8 @@ class Lit:
 
 
 def lit(images: Mapping[str, Array], task: Lit) -> Array:
-    """Radiance of shape (height, width, 3) in the task's precision; `images` are pixels of the inputs by name."""
+    """Radiance of shape (height, width, 3) in the task's precision; `images` are pixels of the inputs by name,
+    and `out` which lamps are left out, a channel for each."""
     height, width, _ = images["normal"].shape
     flat = {name: each.reshape(-1, each.shape[-1]) for name, each in images.items() if name != "slide"}
     out = aligned_empty((height * width, 3), task.kind)
@@ -118,6 +119,8 @@ def _block(some: Mapping[str, Array], task: Lit, slide: Array | None) -> Array:
         if "visibility" in some:
             seen = some["visibility"]
             light = light * seen[0 if len(seen) == 1 else int(row[Row.LAMP])]
+        if "out" in some:
+            light = np.where(some["out"][int(row[Row.LAMP])] > 0, light.dtype.type(0), light)
         total = total + light * sent
     return _there(total, some, v)
 

@@ -66,6 +66,8 @@ class Parameters(View):
     """without normals: the steepest receiver, depth over width, that casts no shadow on itself"""
     outside: Outside = Outside.LIT
     """beyond the map and behind the light"""
+    effect: int = Field(0, ge=0, le=4095)
+    """the channel of `tiles` that is about this light"""
 
     @property
     def light(self) -> Camera:
