@@ -1962,8 +1962,8 @@ class Operations(Generic[R]):
         tiles: what is left out in squares of 32 px: the lamp where the channel `effect` is more than 0; of any size
         lights: the lamps, each by its kind (directional, point, spot, area, projector), colour, intensity and place;
             default [{"kind": "directional", "position": [0.0, 0.0, 0.0], "direction": [-1.0, -1.0, -2.0], "up": [0.0,
-            1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05, "falloff": [0.0, 0.0, 1.0],
-            "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples": 16, "fov": 45.0, "aspect": 1.0}]
+            1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05, "nearest": 0.0, "falloff": [0.0,
+            0.0, 1.0], "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples": 16, "fov": 45.0, "aspect": 1.0}]
         model: how the surface reflects besides diffusely; default "torrance_sparrow"
         diffuse: share of light that is reflected diffusely, linear; times the input albedo; default [0.8, 0.8, 0.8]
         highlight: factor on highlights, linear; times the input specular; 0 leaves them out; default [1.0, 1.0, 1.0]
@@ -3066,8 +3066,8 @@ class Operations(Generic[R]):
         light_far: of a window's depth, and of depth in few bits; none: infinitely far; above 0, at most 1000000000
         kind: pcf: comparisons averaged; pcss: over as much as the penumbra is wide; variance: Chebyshev's bound;
             default "pcf"
-        filter: side of the square that is averaged, texels; 0: the nearest texel alone. Of pcss: the widest; at least
-            0, at most 32; default 0.0
+        filter: side of the square that is averaged, texels; 0, and below 0.001: the nearest texel alone. Of pcss: the
+            widest; at least 0, at most 32; default 0.0
         source: of pcss: the light's width; of light without perspective the tangent of the angle it fills; at least
             0, at most 1000000; default 0.2
         slope: without normals: the steepest receiver, depth over width, that casts no shadow on itself; at least 0,
@@ -3603,8 +3603,8 @@ class Operations(Generic[R]):
         normal: which way they face, of any length
         lights: the lamps, as of lighting; default [{"kind": "directional", "position": [0.0, 0.0, 0.0], "direction":
             [0.0, 0.0, -1.0], "up": [0.0, 1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05,
-            "falloff": [0.0, 0.0, 1.0], "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples": 16, "fov": 45.0,
-            "aspect": 1.0}]
+            "nearest": 0.0, "falloff": [0.0, 0.0, 1.0], "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples":
+            16, "fov": 45.0, "aspect": 1.0}]
         fog: parameters of the operation fog; what it hides needs no light
         reflected: the largest radiance that a surface sends of a lamp's 1; none: it has no bound; at least 0, at most
             1e+30

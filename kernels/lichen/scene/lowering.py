@@ -228,8 +228,15 @@ class _Builder(Nodes):
         surface |= self._skipping(inputs, effect)
         if self.tiled is not None:
             surface["faint"] = self.faint
-        lights = [each.model_dump(mode="json", exclude={"shadow"}) for each in lamps]
+        lights = [self._lamp(each) for each in lamps]
         return self.add(name, "lighting", {"model": "lambert", **surface, "lights": lights}, inputs, "/surface")
+
+    def _lamp(self, light: Light) -> dict[str, Any]:
+        """As `lighting` has it, with how near it comes to what stands in the scene."""
+        said = light.model_dump(mode="json", exclude={"shadow"})
+        if light.nearest == 0 and not self.scene.everything_given:
+            said["nearest"] = predicates.clearance(light, self.scene.objects)
+        return said
 
     def _roughness(self, name: str, surface: dict[str, Any], inputs: dict[str, str]) -> None:
         """A buffer, or a number where it is the same everywhere."""

@@ -11,6 +11,8 @@ import pytest
 import lichen
 from lichen.errors import InvalidRequest
 from lichen.opencl.session import Session
+from lichen.scene.description import read
+from lichen.scene.predicates import clearance
 
 STILL: dict[str, Any] = {
     "camera": {"eye": [0.6, 1.6, 4.5], "target": [0, 0.6, 0], "fov": 42, "width": 72, "height": 54},
@@ -116,6 +118,22 @@ def test_every_decision_of_the_scene_has_its_reason() -> None:
     assert all(each.reason for each in plan.decisions)
     single = lichen.explain_scene({**STILL, **ALONE})
     assert any("convex" in each.reason for each in single.decisions)
+
+
+def test_an_error_counts_with_lights_where_they_are() -> None:
+    """Boxes that are turned, balls from within: no surface is nearer than was said, and light is what it was."""
+    rng = np.random.default_rng(5)
+    lights = [{"kind": "point", "position": rng.uniform([-2, 0.2, -2], [2, 2, 2]).tolist()} for _ in range(24)]
+    scene = read({**STILL, "lights": [*lights, {"kind": "point", "position": [-0.8, 0.7, 0.1]}]})
+    position = lichen.render({**STILL, "output": "position"}).image.pixels.reshape(-1, 3).astype(float)
+    position = position[np.isfinite(position).all(axis=1)]
+    for light in scene.lights:
+        near = np.linalg.norm(position - light.position, axis=1).min()
+        assert clearance(light, scene.objects) <= near * (1 + 1e-6)
+    made, bare = lichen.render(STILL), {**STILL["lights"][0], "nearest": 1e-9}
+    plain = lichen.render({**STILL, "lights": [bare, *STILL["lights"][1:]]})
+    assert np.array_equal(made.image.pixels, plain.image.pixels)
+    assert made.error.value < 1e-4 < plain.error.value / 100
 
 
 def test_shadow_darkens_and_fog_brightens_where_they_should() -> None:

@@ -77,7 +77,7 @@ PLANE_FN vector16 projected(global const float *restrict row, vector16 way, glob
 // The light that arrives, before the cosine at the surface, as a share of the lamp's colour; l becomes its direction.
 PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector16 *l)
 {
-    float16 square = vector_dot(way, way), apart = square + row[13];
+    float16 square = num_max(vector_dot(way, way), (float16)(row[28])), apart = square + row[13];
     *l = vector_unit(way);
     float16 falls = fma((float16)(row[16]), apart, (float16)(row[14]));
     if (row[15] != 0.0f)

@@ -141,7 +141,7 @@ def _arriving(row: Doubles, some: Mapping[str, Array], task: Lit, slide: Array |
         return row[Row.PLACE : Row.PLACE + 3].astype(kind).reshape(3, 1), colour
     place = row[Row.PLACE : Row.PLACE + 3] + row[Row.REST : Row.REST + 3]
     way = _towards(place, some["position"], task)
-    square, radius = dot(way, way), kind(row[Row.RADIUS])
+    square, radius = np.maximum(dot(way, way), kind(row[Row.NEAREST])), kind(row[Row.RADIUS])
     a, b, c = row[Row.FALLOFF : Row.FALLOFF + 3].astype(kind)
     apart = square + radius
     l = unit(way)  # noqa: E741

@@ -16,7 +16,7 @@ from lichen.operations.scene.view import View
 WIDEST = 32
 """Texels of a filter's side."""
 NARROWEST = 1e-3
-"""A filter's side below is 0: what a square covers of texels is the difference of its ends, of which no digit is left."""
+"""A filter's side below is 0: what a square covers of texels is the difference of its ends, and has no digits left."""
 Side = Annotated[float, Field(ge=0, le=WIDEST), AfterValidator(lambda side: side if side >= NARROWEST else 0.0)]
 
 
