@@ -245,6 +245,41 @@ def test_what_fog_hides_is_not_lit(kind: str) -> None:
     assert np.abs(lichen.render(scene).image.pixels - whole.image.pixels).max() < 1e-6
 
 
+@pytest.mark.parametrize("buffer", ["position", "normal", "albedo"])
+def test_what_is_no_number_in_a_buffer_stays_in_its_pixels(buffer: str) -> None:
+    """With lamps that are left out of the tile, and a highlight of 1e4 beside it."""
+    size = 40, 70
+    x, z = np.meshgrid(np.linspace(-4, 4, size[1]), np.linspace(-3, 3, size[0]))
+    given = {
+        "position": np.stack([x, 0 * x, z], axis=-1).astype(np.float32),
+        "normal": np.broadcast_to(np.array([0, 1, 0], np.float32), (*size, 3)).copy(),
+        "albedo": np.full((*size, 3), 0.5, np.float32),
+    }
+    given["albedo"][20, 40] = 1e4
+    given[buffer][20, 41] = np.nan
+    scene = {
+        "camera": {"eye": [0, 4, 3]}, "buffers": {name: name for name in given},
+        "surface": {"model": "lambert"}, "fog": {"density": 0.1}, "ambient": [0.1, 0.1, 0.1],
+        "background": [0.2, 0.3, 0.4],
+    }  # fmt: skip
+    scene["lights"] = [{**each, "shadow": None} for each in (*MANY, *MANY)]
+    pruned, whole = (lichen.render(scene, images=given, prune=prune) for prune in (True, False))
+    assert [each for each in pruned.decisions if each.pass_ == "tiles"]
+    np.testing.assert_allclose(pruned.image.pixels, whole.image.pixels, rtol=1e-6, equal_nan=True)
+    spoilt = ~np.isfinite(pruned.image.pixels).all(axis=-1)
+    assert spoilt[20, 41]
+    assert np.count_nonzero(spoilt) == 1
+
+
+def test_one_pixel_and_nothing_at_all_are_scenes() -> None:
+    dot = {**STILL, "camera": {**STILL["camera"], "width": 1, "height": 1}, "lights": [*MANY, *STILL["lights"]]}
+    first, second = lichen.render(dot), lichen.render(dot, prune=False)
+    assert first.image.pixels.shape == (1, 1, 3)
+    np.testing.assert_allclose(first.image.pixels, second.image.pixels, atol=1e-6)
+    nothing = lichen.render({**STILL, "objects": [], "lights": [*MANY, *STILL["lights"]], "fog": None}).image.pixels
+    np.testing.assert_allclose(nothing, np.broadcast_to(STILL["background"], nothing.shape), atol=1e-6)
+
+
 def random_scene(rng: np.random.Generator) -> Mapping[str, Any]:
     def vector(low: float, high: float) -> list[float]:
         return rng.uniform(low, high, 3).round(2).tolist()
