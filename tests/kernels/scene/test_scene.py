@@ -233,7 +233,7 @@ def test_lamps_are_left_out_of_tiles_and_nothing_changes() -> None:
 def test_what_fog_hides_is_not_lit(kind: str) -> None:
     """By as much as no stored code shows, and only where such codes are asked for."""
     fog = {"kind": kind, "density": 2.2, "falloff": 9, "colour": [0.6, 0.68, 0.8]}
-    lamps = [{"kind": "point", "position": [x, 3, 2], "intensity": 3} for x in np.linspace(-2, 2, 18)]
+    lamps = [{"kind": "point", "position": [x, 3, 2], "intensity": 3} for x in np.linspace(-2, 2, 26)]
     camera = {**STILL["camera"], "width": 150, "height": 110}
     scene = {**STILL, "camera": camera, "fog": fog, "lights": lamps}
     stored, whole = lichen.render(scene, storage="uint8"), lichen.render(scene, prune=False)

@@ -42,12 +42,12 @@ FN void spread(const float8 *v, int larger, global float *restrict out)
 }
 
 kernel void bounds(global const float *restrict position, global const float *restrict normal, global float *restrict out,
-                   int width, int height, int across, int tiles)
+                   int width, int height, int across, int tiles, int column, int row, int step)
 {
-    int tile = (int)get_global_id(0);
+    int tile = (int)get_global_id(0); // of those that are taken: every `step`th from a column and a row on
     if (tile >= tiles)
         return;
-    int left = tile % across * TILE, top = tile / across * TILE;
+    int left = (tile % across * step + column) * TILE, top = (tile / across * step + row) * TILE;
     int wide = min(width - left, TILE), bottom = min(top + TILE, height);
     Bounds b;
     for (int k = 0; k < PHASES; k++) {

@@ -9,7 +9,8 @@ that reaches the eye through the `fog`.
 A tile in which a position or a normal is not a number has nothing left out.
 
 One pass over both pictures finds a box around the points of each tile and one around their normals; nothing else
-depends on their size. Boxes are found without a rounding, so there is one method and no trade.
+depends on their size. Boxes are found without a rounding, so there is one method and no trade. Where `worth` is set
+some tiles are looked at before, so that lists that would not pay are not made.
 
 Sources: O. Olsson and U. Assarsson, Tiled shading, Journal of Graphics, GPU, and Game Tools 15, 2011; W. Heidrich,
 High-quality shading and lighting, dissertation, Erlangen 1999.
@@ -17,14 +18,15 @@ High-quality shading and lighting, dissertation, Erlangen 1999.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from lichen.errors import Flaw
-from lichen.image import Extent
+from lichen.image import Extent, Image
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.operation import (
     EXACT,
@@ -42,12 +44,14 @@ from lichen.operations.compositing.layers import same_size
 from lichen.operations.fog.parameters import Parameters as Fog
 from lichen.operations.lighting.lamps import Lamp
 from lichen.operations.scene.lists import TILE, tiles_of
-from lichen.operations.scene.reaching import REASONS, Boxes, reached
+from lichen.operations.scene.reaching import NOTHING, REASONS, Boxes, reached
 from lichen.operations.scene.tiles_cases import CASES, EXAMPLES
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
+PROBED, FEW = 4, 64
+"""Of so many tiles in both directions one is looked at first; of fewer than so many together all are."""
 BOUNDS = 16
 """Numbers of a tile: twelve bounds, whether it is spoilt, and three that are not used."""
 
@@ -61,6 +65,9 @@ class Parameters(OperationParameters):
     """the largest radiance that a surface sends of a lamp's 1; none: it has no bound"""
     faint: float = Field(0.0, ge=0, le=1e6)
     """the largest light of a pixel that may be left out"""
+    worth: float = Field(0.0, ge=0, le=1)
+    """the share of pairs of a lamp and a tile that must be left out in every fourth tile of every fourth row, or in all of
+    fewer than 64 tiles, those aside where nothing is; where it is less, nothing is left out anywhere"""
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
@@ -120,17 +127,54 @@ def _bounds(inputs: Inputs) -> Array:
     return np.concatenate(parts, axis=1)
 
 
-def _lists(found: Array, inputs: Inputs, p: Parameters) -> Array:
-    """The picture, from the bounds."""
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """Every `step`th tile from a row and a column on; `down` and `across` of them."""
+
+    row: int
+    column: int
+    step: int
+    down: int
+    across: int
+
+    @classmethod
+    def of(cls, image: Image, step: int) -> Taken:
+        """Not from the first row and column on, which show the sky as a rule."""
+        sizes = tiles_of(image.height, image.width)
+        row, column = (min(step // 3, size - 1) for size in sizes)
+        down, across = (-(-(size - first) // step) for size, first in zip(sizes, (row, column), strict=True))
+        return cls(row, column, step, down, across)
+
+
+def _lists(bounds: Callable[[Taken], Array], inputs: Inputs, p: Parameters) -> Array:
+    """The picture, from what finds the bounds of tiles."""
+    every, some = (Taken.of(inputs["position"], step) for step in (1, PROBED))
+    some = some if every.down * every.across >= FEW else every
+    if p.worth and not _worthwhile(bounds(some), p):
+        return np.zeros((every.down, every.across, 2 * len(p.lights)), np.float32)
+    made = reached(Boxes.of(bounds(every)), p.lights, p.fog, p.reflected, p.faint)
+    return made.reshape(every.down, every.across, -1).astype(np.float32)
+
+
+def _worthwhile(found: Array, p: Parameters) -> bool:
+    """Whether enough is left out where something is."""
+    why = reached(Boxes.of(found), p.lights, p.fog, p.reflected, p.faint)[:, : len(p.lights)]
+    there = np.count_nonzero(why != NOTHING)
+    return bool(np.count_nonzero(why > NOTHING) >= p.worth * there)
+
+
+def _on_numpy(inputs: Inputs, p: Parameters) -> Array:
+    found = _bounds(inputs)
     position = inputs["position"]
-    down, across = tiles_of(position.height, position.width)
-    made = reached(Boxes.of(found), p.lights, p.fog, p.reflected, p.faint)
-    return made.reshape(down, across, -1).astype(np.float32)
+    square = found.reshape(*tiles_of(position.height, position.width), -1)
+    return _lists(
+        lambda taken: square[taken.row :: taken.step, taken.column :: taken.step].reshape(-1, found.shape[1]), inputs, p
+    )
 
 
 @tiles.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
-    return _lists(_bounds(inputs), inputs, p).astype(np.float64)
+    return _on_numpy(inputs, p).astype(np.float64)
 
 
 @tiles.method(
@@ -144,21 +188,26 @@ class Exact:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        position = inputs["position"]
-        down, across = tiles_of(position.height, position.width)
-        found = aligned_empty((down * across, BOUNDS))
-        with device.session() as session:
-            session.launch(
-                "scene/tiles.cl", "bounds", (down * across,),
-                aligned(position.pixels), aligned(inputs["normal"].pixels), session.write(found),
-                np.int32(position.width), np.int32(position.height), np.int32(across), np.int32(down * across),
-                local=(1,),
-            )  # fmt: skip
-        return aligned(_lists(found, inputs, p))
+        position, normal = (aligned(inputs[name].pixels) for name in ("position", "normal"))
+        height, width, _ = position.shape
+
+        def bounds(taken: Taken) -> Array:
+            count = taken.down * taken.across
+            found = aligned_empty((count, BOUNDS))
+            with device.session() as session:
+                session.launch(
+                    "scene/tiles.cl", "bounds", (count,),
+                    position, normal, session.write(found), np.int32(width), np.int32(height),
+                    np.int32(taken.across), np.int32(count), np.int32(taken.column), np.int32(taken.row),
+                    np.int32(taken.step), local=(1,),
+                )  # fmt: skip
+            return found
+
+        return aligned(_lists(bounds, inputs, p))
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        return aligned(_lists(_bounds(inputs), inputs, p))
+        return aligned(_on_numpy(inputs, p))
 
 
 @tiles.findings

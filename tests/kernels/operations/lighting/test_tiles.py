@@ -92,3 +92,21 @@ def test_a_shadow_is_not_looked_for_where_its_light_is_left_out() -> None:
         assert not made[32:64, 32:64].any()
         whole[32:64, 32:64] = 0
         assert np.array_equal(made, whole, equal_nan=True)
+
+
+def test_lists_that_would_not_pay_are_not_made() -> None:
+    """Of 8 x 8 tiles the 4 that are looked at first decide; one in nine lamps misses them."""
+    x, z = np.meshgrid(np.linspace(-4, 4, 256), np.linspace(-4, 4, 250))
+    position = np.stack([x, 0 * x, z], axis=-1).astype(np.float32)
+    normal = np.broadcast_to(np.array([0, 1, 0], np.float32), position.shape)
+    above, below = ({"kind": "point", "position": [0, y, 0]} for y in (2, -2))
+    for device in ("opencl", "numpy"):
+        made = {
+            (worth, count): lichen.run(
+                "tiles", position, normal=normal, lights=[below, *[above] * count], worth=worth, device=device
+            ).image.pixels
+            for worth in (0.0, 0.1) for count in (8, 10)
+        }  # fmt: skip
+        assert (made[0.0, 10][..., 0] == 3).all()
+        assert np.array_equal(made[0.1, 8], made[0.0, 8])
+        assert not made[0.1, 10].any()
