@@ -3610,8 +3610,8 @@ class Operations(Generic[R]):
         reflected: the largest radiance that a surface sends of a lamp's 1; none: it has no bound; at least 0, at most
             1e+30
         faint: the largest light of a pixel that may be left out; at least 0, at most 1000000; default 0.0
-        worth: the share of pairs of a lamp and a tile that must be left out in every fourth tile of every fourth row,
-            or in all of fewer than 64 tiles, those aside where nothing is; where it is less, nothing is left out
+        worth: the share of pairs of a lamp and a tile that must be left out in every fourth tile of every fourth row
+            (of fewer than 64 tiles in all), those aside where nothing is; where it is less, nothing is left out
             anywhere; at least 0, at most 1; default 0.0
         method: exact
         """

@@ -66,8 +66,8 @@ class Parameters(OperationParameters):
     faint: float = Field(0.0, ge=0, le=1e6)
     """the largest light of a pixel that may be left out"""
     worth: float = Field(0.0, ge=0, le=1)
-    """the share of pairs of a lamp and a tile that must be left out in every fourth tile of every fourth row, or in all of
-    fewer than 64 tiles, those aside where nothing is; where it is less, nothing is left out anywhere"""
+    """the share of pairs of a lamp and a tile that must be left out in every fourth tile of every fourth row (of fewer
+    than 64 tiles in all), those aside where nothing is; where it is less, nothing is left out anywhere"""
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
