@@ -106,7 +106,8 @@ def scenes() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     base = {"camera": {"eye": CAMERA["eye"], "fov": 45}, "surface": shiny}
     base |= {"buffers": {name: name for name in ("position", "normal", "albedo")}}
     points = [
-        {"kind": "point", "position": [x, 4, z], "intensity": 8} for x in (-3, -1, 1, 3) for z in (-4, -1, 2)
+        {"kind": "point", "position": [x, 4, z], "intensity": 4}
+        for x in (-5, -3, -1, 1, 3, 5) for z in (-5, -3, -1, 1)
     ]  # fmt: skip
     clear = {"density": 0.03, "colour": [0.5, 0.6, 0.7]}
     half = {"kind": "linear", "start": 2, "end": 8.2, "colour": [0.5, 0.6, 0.7]}

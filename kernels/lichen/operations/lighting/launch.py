@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,6 +55,12 @@ def active(out: Array | None, rows: Array) -> Array | None:
     return aligned(np.column_stack([counts, np.argsort(off, axis=1, kind="stable")]), np.int32)
 
 
+@lru_cache(maxsize=64)
+def scattered(count: int) -> int:
+    """A step that meets all of so many rows, neighbours far apart: coprime to the count, near its golden section."""
+    return next((step for step in range(round(count * 0.618), count) if math.gcd(step, count) == 1), 1)
+
+
 def on_opencl(device: Device, inputs: Inputs, p: Parameters, material: Material) -> Array:
     normal, task = inputs["normal"], task_of(p, inputs, material, single=True)
     out = aligned_empty((normal.height, normal.width, 3))
@@ -71,6 +79,7 @@ def on_opencl(device: Device, inputs: Inputs, p: Parameters, material: Material)
             np.int32(list(Model).index(material.model)), np.int32(list(Distribution).index(material.distribution)),
             np.int32(list(Masking).index(material.masking)), np.int32(list(Fresnel).index(material.fresnel)),
             looked, np.int32(material.size), session.write(out), np.uint64(width), np.uint64(pixels // width),
+            np.uint64(scattered(pixels // width)),
             defines={"SHINY": int(material.model is not Model.LAMBERT)},
         )  # fmt: skip
     return out

@@ -98,7 +98,7 @@ PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector
 }
 
 // Whether numbers are finite: what is not makes a NaN even of no light.
-PLANE_FN int16 tame(vector16 v) { return isfinite(v.x) & isfinite(v.y) & isfinite(v.z); }
+PLANE_FN int16 tame(vector16 v) { return (fabs(v.x) < INFINITY) & (fabs(v.y) < INFINITY) & (fabs(v.z) < INFINITY); }
 
 kernel void lighting(global const float *restrict normal, global const float *restrict position,
                      global const float *restrict albedo, global const float *restrict specular,
@@ -108,11 +108,12 @@ kernel void lighting(global const float *restrict normal, global const float *re
                      int lamps, global const int *restrict active, global const float *restrict n, int model,
                      int distribution, int masking, int fresnel_kind,
                      global const float *restrict tables, int size, global float *restrict out, ulong width,
-                     ulong height)
+                     ulong height, ulong stride)
 {
     ulong per_row = (width + LANES - 1) / LANES, line = get_global_id(0) / per_row;
     if (line >= height)
         return;
+    line = line * stride % height; // near rows have the same lamps: threads get some of everywhere
     ulong column = get_global_id(0) % per_row * LANES, first = line * width + column;
     int count = (int)min((ulong)LANES, width - column);
     if (active) // of this tile: how many rows, and which
@@ -159,11 +160,14 @@ kernel void lighting(global const float *restrict normal, global const float *re
 #endif
     vector16 total = vector((float16)(0.0f), (float16)(0.0f), (float16)(0.0f));
     int16 nowhere = (fabs(place.x) == INFINITY) | (fabs(place.y) == INFINITY) | (fabs(place.z) == INFINITY);
-    int16 sound = tame(place) & tame(matt) & tame(facing) & tame(v);
+    bool spoilt = false;
+    if (looked_at < lamps) {
+        int16 sound = tame(place) & tame(matt) & tame(facing) & tame(v);
 #if SHINY
-    sound &= tame(shiny) & tame(t) & isfinite(rough);
+        sound &= tame(shiny) & tame(t) & (fabs(rough) < INFINITY);
 #endif
-    bool spoilt = looked_at < lamps && !all(sound | (placed ? nowhere : (int16)(0)));
+        spoilt = !all(sound | (placed ? nowhere : (int16)(0)));
+    }
     for (int k = 0; k < (spoilt ? lamps : looked_at); k++) { // what is left out follows what is not
         int lamp = active ? active[1 + k] : k;
         global const float *restrict row = rows + lamp * ROW;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
@@ -11,6 +12,14 @@ from pydantic import Field
 from lichen.operation import OperationParameters
 from lichen.operations.lighting.lamps import Colour, Doubles, Kind, Lamp, Vector
 from lichen.operations.lighting.reflection import SMOOTHEST, Distribution, Fresnel, Masking, Material, Model
+
+
+@lru_cache(maxsize=64)
+def _rows(lights: tuple[Lamp, ...]) -> Doubles:
+    """Kept, since frames of one scene ask for the same: of 64 lamps they take longer than a picture without light."""
+    made = np.concatenate([lamp.rows(number) for number, lamp in enumerate(lights)])
+    made.flags.writeable = False
+    return made
 
 
 class Parameters(OperationParameters):
@@ -97,7 +106,8 @@ class Parameters(OperationParameters):
         return sum(math.prod(lamp.grid) for lamp in self.lights)
 
     def rows(self) -> Doubles:
-        return np.concatenate([lamp.rows(number) for number, lamp in enumerate(self.lights)])
+        """Of all discs; not to be written."""
+        return _rows(self.lights)
 
     def sparse(self, share: float) -> Parameters:
         """With that share of the discs of areas, one at least."""

@@ -105,10 +105,12 @@ class Lamps:
 
     @classmethod
     def of(cls, lamps: tuple[Lamp, ...]) -> Lamps:
+        direction = np.array([lamp.direction for lamp in lamps], np.float64)
+        direction = direction / np.abs(direction).max(axis=1, keepdims=True)
         return cls(
             np.array([lamp.kind for lamp in lamps]),
             np.array([lamp.position for lamp in lamps]),
-            np.array([unit_vector(lamp.direction) for lamp in lamps]),
+            direction / np.sqrt(np.sum(direction * direction, axis=1, keepdims=True)),
             np.array([math.hypot(*lamp.size) / 2 if lamp.kind is Kind.AREA else 0.0 for lamp in lamps]),
             np.array([lamp.outer for lamp in lamps]),
             np.array([max(lamp.colour) * lamp.intensity for lamp in lamps]),
@@ -128,20 +130,22 @@ class Lamps:
         )  # fmt: skip
 
 
-def reached(boxes: Boxes, given: tuple[Lamp, ...], fog: Fog | None, reflected: float | None, faint: float) -> Array:
+def reached(boxes: Boxes, lamps: Lamps, fog: Fog | None, reflected: float | None, faint: float) -> Array:
     """Reasons and bounds, float64 (tiles, 2 lamps): why each lamp is left out, or 0, and by how much that is wrong."""
-    count = len(given)
+    count = len(lamps.kind)
     made = np.zeros((len(boxes.low), 2 * count))
     made[boxes.empty & ~boxes.spoilt, :count] = NOTHING
     seen = np.flatnonzero(~boxes.empty & ~boxes.spoilt)
     if not seen.size:
         return made
-    some, lamps = boxes.some(seen), Lamps.of(given)
-    why = np.where(_faces_away(lamps, some), AWAY, 0)
+    some = boxes.some(seen)
+    why = np.zeros((len(seen), count), np.int64)
     for kinds, beside in (((Kind.SPOT,), _outside_cones), ((Kind.AREA, Kind.PROJECTOR), _behind)):
         which = np.flatnonzero(np.isin(lamps.kind, kinds))
         if which.size:
             why[:, which] = np.where(beside(lamps.some(which), some), BESIDE, why[:, which])
+    tile, lamp = np.nonzero(why == 0)
+    why[tile, lamp] = np.where(_faces_away(lamps.some(lamp), some.some(tile)), AWAY, 0)
     through = np.ones((len(seen), 1)) if fog is None else comes_through(fog, some)[:, None]
     plain = _strongest(lamps, some) * reflected if reflected is not None and faint else _unknown(lamps, some)
     with np.errstate(invalid="ignore"):
@@ -171,19 +175,16 @@ def _little(most: Array, faint: float) -> Array:
 
 
 def _faces_away(lamps: Lamps, boxes: Boxes) -> Array:
-    """Which lamps no normal of a tile faces, (tiles, lamps)."""
-    largest = np.zeros((len(boxes.low), len(lamps.kind)))
+    """Whether no normal of a tile faces its lamp: as many tiles as lamps, pair by pair."""
+    largest, normals = np.zeros((2, len(lamps.kind)))
     near = np.where(lamps.far, 0.0, 1.0)
     for c in range(3):
         direct = np.where(lamps.far, -lamps.axis[:, c], lamps.place[:, c])
-        least, most = boxes.least[:, c, None], boxes.most[:, c, None]
-        ends = (
-            (direct - lamps.half) - boxes.high[:, c, None] * near,
-            (direct + lamps.half) - boxes.low[:, c, None] * near,
-        )
-        largest += np.maximum.reduce([normal * end for normal in (least, most) for end in ends])
-    normals = np.maximum(np.abs(boxes.least), np.abs(boxes.most)).sum(axis=1)[:, None]
-    slack = normals * (1 + near * (boxes.size[:, None] + np.abs(lamps.place).max(axis=1)))
+        least, most = boxes.least[:, c], boxes.most[:, c]
+        low, high = (direct - lamps.half) - boxes.high[:, c] * near, (direct + lamps.half) - boxes.low[:, c] * near
+        largest += np.maximum.reduce([normal * end for normal in (least, most) for end in (low, high)])
+        normals += np.maximum(np.abs(least), np.abs(most))
+    slack = normals * (1 + near * (boxes.size + np.abs(lamps.place).max(axis=1)))
     return np.asarray(largest < -1e-5 * slack)
 
 

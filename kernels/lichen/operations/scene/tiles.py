@@ -44,7 +44,7 @@ from lichen.operations.compositing.layers import same_size
 from lichen.operations.fog.parameters import Parameters as Fog
 from lichen.operations.lighting.lamps import Lamp
 from lichen.operations.scene.lists import TILE, tiles_of
-from lichen.operations.scene.reaching import NOTHING, REASONS, Boxes, reached
+from lichen.operations.scene.reaching import NOTHING, REASONS, Boxes, Lamps, reached
 from lichen.operations.scene.tiles_cases import CASES, EXAMPLES
 
 if TYPE_CHECKING:
@@ -150,15 +150,16 @@ def _lists(bounds: Callable[[Taken], Array], inputs: Inputs, p: Parameters) -> A
     """The picture, from what finds the bounds of tiles."""
     every, some = (Taken.of(inputs["position"], step) for step in (1, PROBED))
     some = some if every.down * every.across >= FEW else every
-    if p.worth and not _worthwhile(bounds(some), p):
+    lamps = Lamps.of(p.lights)
+    if p.worth and not _worthwhile(bounds(some), lamps, p):
         return np.zeros((every.down, every.across, 2 * len(p.lights)), np.float32)
-    made = reached(Boxes.of(bounds(every)), p.lights, p.fog, p.reflected, p.faint)
+    made = reached(Boxes.of(bounds(every)), lamps, p.fog, p.reflected, p.faint)
     return made.reshape(every.down, every.across, -1).astype(np.float32)
 
 
-def _worthwhile(found: Array, p: Parameters) -> bool:
+def _worthwhile(found: Array, lamps: Lamps, p: Parameters) -> bool:
     """Whether enough is left out where something is."""
-    why = reached(Boxes.of(found), p.lights, p.fog, p.reflected, p.faint)[:, : len(p.lights)]
+    why = reached(Boxes.of(found), lamps, p.fog, p.reflected, p.faint)[:, : len(p.lights)]
     there = np.count_nonzero(why != NOTHING)
     return bool(np.count_nonzero(why > NOTHING) >= p.worth * there)
 
