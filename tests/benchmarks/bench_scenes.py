@@ -106,11 +106,11 @@ def scenes() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     base = {"camera": {"eye": CAMERA["eye"], "fov": 45}, "surface": shiny}
     base |= {"buffers": {name: name for name in ("position", "normal", "albedo")}}
     points = [
-        {"kind": "point", "position": [x, 4, z], "intensity": 4}
-        for x in (-5, -3, -1, 1, 3, 5) for z in (-5, -3, -1, 1)
+        {"kind": "point", "position": [x, 4, z], "intensity": 2}
+        for x in (-5, -4, -3, -2, -1, 1, 2, 3, 4, 5, 6, 7) for z in (-5, -3, -1, 1)
     ]  # fmt: skip
     clear = {"density": 0.03, "colour": [0.5, 0.6, 0.7]}
-    half = {"kind": "linear", "start": 2, "end": 8.2, "colour": [0.5, 0.6, 0.7]}
+    half = {"kind": "linear", "start": 2, "end": 7.3, "colour": [0.5, 0.6, 0.7]}
     return {
         "64 lights of 5 %": ({**base, "lights": spots(64, 20)}, {}),
         "fog, half hidden": ({**base, "lights": points, "fog": half}, {"storage": "uint8"}),

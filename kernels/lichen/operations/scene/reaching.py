@@ -144,8 +144,9 @@ def reached(boxes: Boxes, lamps: Lamps, fog: Fog | None, reflected: float | None
         which = np.flatnonzero(np.isin(lamps.kind, kinds))
         if which.size:
             why[:, which] = np.where(beside(lamps.some(which), some), BESIDE, why[:, which])
-    tile, lamp = np.nonzero(why == 0)
-    why[tile, lamp] = np.where(_faces_away(lamps.some(lamp), some.some(tile)), AWAY, 0)
+    left = np.nonzero(why == 0)
+    pairs = left if 4 * left[0].size < why.size else np.ix_(*map(np.arange, why.shape))
+    why[pairs] = np.where(_faces_away(lamps, some, *pairs) & (why[pairs] == 0), AWAY, why[pairs])
     through = np.ones((len(seen), 1)) if fog is None else comes_through(fog, some)[:, None]
     plain = _strongest(lamps, some) * reflected if reflected is not None and faint else _unknown(lamps, some)
     with np.errstate(invalid="ignore"):
@@ -174,17 +175,19 @@ def _little(most: Array, faint: float) -> Array:
     return made
 
 
-def _faces_away(lamps: Lamps, boxes: Boxes) -> Array:
-    """Whether no normal of a tile faces its lamp: as many tiles as lamps, pair by pair."""
-    largest, normals = np.zeros((2, len(lamps.kind)))
-    near = np.where(lamps.far, 0.0, 1.0)
+def _faces_away(lamps: Lamps, boxes: Boxes, tile: Array, lamp: Array) -> Array:
+    """Whether no normal of a tile faces a lamp, for these indices of both."""
+    far = lamps.far
+    near, half = np.where(far, 0.0, 1.0)[lamp], lamps.half[lamp]
+    largest, normals = 0.0, np.zeros(len(boxes.low))
     for c in range(3):
-        direct = np.where(lamps.far, -lamps.axis[:, c], lamps.place[:, c])
+        direct = np.where(far, -lamps.axis[:, c], lamps.place[:, c])[lamp]
         least, most = boxes.least[:, c], boxes.most[:, c]
-        low, high = (direct - lamps.half) - boxes.high[:, c] * near, (direct + lamps.half) - boxes.low[:, c] * near
-        largest += np.maximum.reduce([normal * end for normal in (least, most) for end in (low, high)])
+        low, high = direct - half - boxes.high[tile, c] * near, direct + half - boxes.low[tile, c] * near
+        at_least, at_most = (np.maximum(normal[tile] * low, normal[tile] * high) for normal in (least, most))
+        largest = largest + np.maximum(at_least, at_most)
         normals += np.maximum(np.abs(least), np.abs(most))
-    slack = normals * (1 + near * (boxes.size + np.abs(lamps.place).max(axis=1)))
+    slack = normals[tile] * (1 + near * (boxes.size[tile] + np.abs(lamps.place).max(axis=1)[lamp]))
     return np.asarray(largest < -1e-5 * slack)
 
 
