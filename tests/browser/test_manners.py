@@ -134,7 +134,7 @@ def test_what_a_scene_does_not_need_leaves_its_plan(visit: Visits) -> None:
     aperture.press("Enter")
     expect(nodes.filter(has_text="lens")).to_have_count(0)
     page.get_by_label("show lights per tile").check()
-    expect(page.locator(".proof").first).to_contain_text("Of 1 light, a tile of 32 px looks at")
+    expect(page.locator(".mapped")).to_contain_text("Of 1 light, a tile of 32 px looks at")
     assert window.said == []
 
 

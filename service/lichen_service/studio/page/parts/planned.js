@@ -61,7 +61,7 @@ export class Planned {
       id: "over-tiles",
       onchange: () => this.#map(),
     });
-    this.mapped = h("p", { class: "proof", role: "status" });
+    this.mapped = h("p", { class: "mapped", role: "status" });
     this.proof = h("p", { class: "proof", role: "status" });
     this.inputs = h("div");
     this.dials = h("div", { class: "dials" });
