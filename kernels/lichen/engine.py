@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -37,6 +37,7 @@ from lichen.verification import Verification, verify
 
 if TYPE_CHECKING:
     from lichen.scene.description import Scene
+    from lichen.scene.heat import TileMap
 
 log = logging.getLogger("lichen")
 
@@ -192,6 +193,19 @@ def explain_scene(
     return prepare_scene(scene, images=images, device=device, **wishes).plan
 
 
+def map_scene(scene: Scene | Mapping[str, Any] | str, /, **further: Any) -> TileMap:
+    """Which lamps `render` with the same arguments would look at in each tile, and why not the others.
+
+    Only positions and normals are computed. Raises as `render`, and `InvalidRequest` where no lamp lights anything.
+    """
+    from lichen.scene.description import read
+    from lichen.scene.heat import mapped, told
+
+    wanted = mapped(read(scene))
+    result = render(wanted, **further)
+    return told(wanted, result.plan.graph, result.image.pixels, result.decisions)
+
+
 def explain(name: str, image: Picture | None = None, /, *, device: str | None = None, **arguments: Any) -> Plan:
     """The plan that `run` with the same arguments would follow. No pixel is computed; ranges of inputs are measured."""
     return prepare(name, image, device=device, **arguments).plan
@@ -274,6 +288,7 @@ def prepare_scene(
     from lichen.scene.description import read, refuse
     from lichen.scene.layers import spread
     from lichen.scene.lowering import lower
+    from lichen.scene.tiling import allowed
 
     said = read(scene)
     unknown = [name for name in images or () if name not in said.names]
@@ -284,7 +299,7 @@ def prepare_scene(
         said, {name: as_image(each, pointer=f"/inputs/{name}") for name, each in (images or {}).items()}
     )
     refuse(said)
-    lowered = lower(said, prune=bool(wishes.get("prune", True)))
+    lowered = lower(said, prune=bool(wishes.get("prune", True)), faint=allowed(wishes), images=sent)
     given = {name: image for name, image in sent.items() if name in lowered.pipeline.inputs}
     try:
         return _prepared(
@@ -359,6 +374,7 @@ def _execute(prepared: Prepared, *further: Decision) -> dict[str, Result]:
     order, plan = prepared.order, prepared.plan
     timing = {"plan": prepared.seconds}
     images, findings = computed(plan, order.images, prepared.device, timing)
+    further = (*further, *_skipped(findings))
     found: dict[str, Verification] = {}
     if order.verify:
         started = time.perf_counter()
@@ -373,6 +389,14 @@ def _execute(prepared: Prepared, *further: Decision) -> dict[str, Result]:
         name: Result(image, plan, _backend(prepared.device), timing, decisions, found.get(name), reported, name)
         for name, image in images.items()
     }
+
+
+def _skipped(findings: Mapping[str, Mapping[str, Any]]) -> Iterator[Decision]:
+    """What nodes found that others need not compute."""
+    for name, found in findings.items():
+        for each in found.get("skipped", ()):
+            share = f"{each['reason']}: {each['pairs']} of {found['pairs']} pairs of an effect and a tile"
+            yield Decision("tiles", name, "skipped", share, each["bound"])
 
 
 def _measured(image: Image, device: Device | None) -> Image:

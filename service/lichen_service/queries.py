@@ -37,8 +37,9 @@ class Options(BaseModel):
     """what inputs and results of every step are kept in; float64 evaluates definitions instead of methods, slowly"""
     device: Literal["opencl", "numpy"] | None = None
     """where to compute; left out: OpenCL if it works here, else NumPy"""
-    explain: bool = False
-    """answer with the plan as JSON and compute nothing"""
+    explain: bool | Literal["map"] = False
+    """answer with the plan as JSON and compute nothing; map, of a scene: a picture of how many lights each tile looks
+    at, or by `Accept` JSON that says which and why not the others, or both"""
     verify: bool = False
     """compare the result with truth, whole or on tiles, which is slow; `Accept: multipart/mixed` gets a map, too"""
     prune: bool = True

@@ -29,7 +29,7 @@ from lichen.verification import Verification
 
 LONGEST = 2000
 """Characters of `Lichen-Skipped`; the entries that do not fit are counted in a last one."""
-SKIPPING = ("dropped", "skipped")
+SKIPPING = ("dropped", "skipped", "not lowered")
 
 
 class Deciding(Protocol):

@@ -115,6 +115,7 @@ def test_what_a_scene_does_not_need_leaves_its_plan(visit: Visits) -> None:
         "objects": [{"shape": "sphere", "centre": [0, 0, -5], "radius": 1}],
         "lights": [{"kind": "point", "position": [3, 5, 2], "intensity": 30}],
         "fog": {"density": 0.03},
+        "lens": {"focus": 5, "blur": 3},
     }
     page.locator("#pipeline").fill(json.dumps(scene))
     page.locator("#pipeline").blur()
@@ -127,6 +128,13 @@ def test_what_a_scene_does_not_need_leaves_its_plan(visit: Visits) -> None:
     expect(nodes.filter(has_text="fog")).to_have_count(0)
     expect(page.locator(".pipeline-plan table").first).to_contain_text("fog")
     expect(page.locator("#pipeline")).to_have_value(re.compile('"density": 0\\b'))
+    aperture = page.get_by_label("lens aperture", exact=True)
+    expect(nodes.filter(has_text="lens")).not_to_have_count(0)
+    aperture.fill("0")
+    aperture.press("Enter")
+    expect(nodes.filter(has_text="lens")).to_have_count(0)
+    page.get_by_label("show lights per tile").check()
+    expect(page.locator(".mapped")).to_contain_text("Of 1 light, a tile of 32 px looks at")
     assert window.said == []
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
+import lichen
 from lichen.files import decode, encode
 from lichen.image import Image, Space, Storage
 
@@ -257,3 +258,24 @@ def test_a_service_that_goes_away_is_waited_for(visit: Visits, service: Service)
     window.settled()
     assert "sigma=11" in page.url
     expect(page.locator(".use pre")).to_contain_text("sigma=11")
+
+
+def test_a_curve_is_drawn_as_it_is_computed(visit: Visits) -> None:
+    window = visit()
+    page = window.open("#/try/curve")
+    page.locator(".curve-line").first.wait_for()
+    points = [[0.1, 0.2], [0.35, 0.3], [0.5, 0.9], [0.8, 0.6]]
+    drawn = page.evaluate(
+        """async ([points, ways]) => {
+          const lib = new URL("lib/pchip.js", document.querySelector("script[type=module]").src);
+          const { curved } = await import(lib);
+          return ways.map((way) => curved(points, way));
+        }""",
+        [points, [{}, {"straight": True}, {"extend": True}]],
+    )
+    ways = [{}, {"interpolation": "linear"}, {"beyond": "extend"}]
+    for line, way in zip(drawn, ways, strict=True):
+        x, y = np.array(line).T
+        expected = lichen.run("curve", x[None, :, None], points=points, max_error=1e-5, **way).image.pixels.ravel()
+        np.testing.assert_allclose(y, expected, atol=2e-5)
+    assert window.said == []

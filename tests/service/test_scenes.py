@@ -56,6 +56,35 @@ def test_explain_tells_which_effects_run_and_why_the_others_do_not(call: Caller)
     assert "fog" in {each["name"] for each in whole["nodes"]}
 
 
+def test_a_map_tells_which_lights_are_looked_at_where(call: Caller) -> None:
+    """A spot on the sphere's left, and a lamp below the ground."""
+    lamps = [
+        {"kind": "spot", "position": [-3, 1, 0], "direction": [1, 0, 0], "inner": 3, "outer": 9, "shadow": {}},
+        {"kind": "point", "position": [0, -4, 0]},
+        {"intensity": 0},
+    ]
+    scene = {**SCENE, "lights": lamps, "camera": {**SCENE["camera"], "width": 90, "height": 70}}
+    answer = posted(call, scene, "?explain=map")
+    assert answer.headers["Content-Type"] == "image/png"
+    picture = decode(bytes(answer.body))
+    assert (picture.height, picture.width) == (70, 90)
+    assert "faces away from the lamp" in answer.headers["Lichen-Skipped"]
+    sent = json.dumps(scene).encode()
+    told = read_json(call("POST", PATH + "?explain=map", sent, {**JSON, "accept": "application/json"}))
+    assert told["effects"] == ["light_1", "light_0"]
+    why = np.array(told["why"])
+    assert why.shape == (3, 3, 2)
+    reasons = [told["reasons"][each] for each in np.unique(why)]
+    assert reasons[0] == "it is computed"
+    assert {"it lies outside the lamp's cone", "it faces away from the lamp"} <= set(reasons)
+    assert any(each["node"] == "light_2" for each in told["decisions"])
+    both = call("POST", PATH + "?explain=map", sent, {**JSON, "accept": "multipart/mixed"})
+    assert both.headers["Content-Type"].startswith("multipart/mixed")
+    assert bytes(answer.body) in bytes(both.body)
+    dark = posted(call, {**SCENE, "lights": []}, "?explain=map")
+    assert pointers(problem_of(dark, 422, "invalid-request")) == {"/lights"}
+
+
 def test_buffers_come_as_parts(call: Caller) -> None:
     camera = {key: SCENE["camera"][key] for key in ("eye", "target", "width", "height")}
     seen = {

@@ -49,13 +49,13 @@ def main(arguments: Sequence[str]) -> int:
         flaws += invalid.flaws
     if flaws or pipeline is None:
         raise InvalidRequest("This pipeline is not valid.", flaws)
-    sources, targets = _distributed(pipeline, paths, sources, targets, bare=options.explain)
+    sources, targets = _distributed(pipeline, paths, sources, targets, bare=bool(options.explain))
     missing = [name for name in pipeline.inputs if name not in sources]
     if missing:
         raise InvalidRequest("A picture is missing.", [Flaw(f"/inputs/{name}", "is required") for name in missing])
     if url is not None:
         wishes = {name: value for name, value in pairs if name not in ("explain", "format")}
-        ask = remote.Ask(_document(pipeline, targets, options.format), wishes, options.explain, as_json)
+        ask = remote.Ask(_document(pipeline, targets, options.format), wishes, bool(options.explain), as_json)
         return remote.run_pipeline(url, ask, {name: sources[name] for name in pipeline.inputs}, targets)
     started = time.perf_counter()
     data = {name: files.read(path) for name, path in sources.items()}

@@ -84,6 +84,7 @@ FIRST_INPUTS: Mapping[str, str] = {
     "streamlines": "field",
     "table3d": "image",
     "thin_plate": "image",
+    "tiles": "position",
     "tone_map": "image",
     "transfer": "image",
     "vector": "image",
@@ -1923,6 +1924,7 @@ class Operations(Generic[R]):
         tangent: ImageLike = None,
         visibility: ImageLike = None,
         slide: ImageLike = None,
+        tiles: ImageLike = None,
         lights: Numbers | None = None,
         model: Literal[
             "lambert", "phong", "blinn_phong", "cosine_lobe", "lafortune", "torrance_sparrow", "ward", "banks"
@@ -1941,6 +1943,8 @@ class Operations(Generic[R]):
         eye: Numbers | None = None,
         view: Numbers | None = None,
         local_viewer: bool | None = None,
+        effect: int | None = None,
+        faint: float | None = None,
         size: float | None = None,
         share: float | None = None,
         **options: Unpack[Options],
@@ -1955,10 +1959,11 @@ class Operations(Generic[R]):
         tangent: which way the grain goes: x, y, z of any length
         visibility: share of each lamp that is seen, 1 where nothing is in the way
         slide: what projectors show; of any size
+        tiles: what is left out in squares of 32 px: the lamp where the channel `effect` is more than 0; of any size
         lights: the lamps, each by its kind (directional, point, spot, area, projector), colour, intensity and place;
             default [{"kind": "directional", "position": [0.0, 0.0, 0.0], "direction": [-1.0, -1.0, -2.0], "up": [0.0,
-            1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05, "falloff": [0.0, 0.0, 1.0],
-            "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples": 16, "fov": 45.0, "aspect": 1.0}]
+            1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05, "nearest": 0.0, "falloff": [0.0,
+            0.0, 1.0], "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples": 16, "fov": 45.0, "aspect": 1.0}]
         model: how the surface reflects besides diffusely; default "torrance_sparrow"
         diffuse: share of light that is reflected diffusely, linear; times the input albedo; default [0.8, 0.8, 0.8]
         highlight: factor on highlights, linear; times the input specular; 0 leaves them out; default [1.0, 1.0, 1.0]
@@ -1977,6 +1982,10 @@ class Operations(Generic[R]):
         eye: where the viewer is; default [0.0, 0.0, 0.0]
         view: the direction towards a viewer at infinity; default [0.0, 0.0, 1.0]
         local_viewer: whether the viewer is at `eye`, given positions, or at infinity; default true
+        effect: the channel of `tiles` that is about the first lamp; the others follow; at least 0, at most 4095;
+            default 0
+        faint: what `tiles` leave out of the light of a pixel at most: it counts as an error; at least 0, at most
+            1000000; default 0.0
         size: entries of each table; 4 to 4096; a knob
         share: of the discs that make up areas; 0.000976562 to 1; a knob
         method: tables, schlick, sparse, exact
@@ -1991,6 +2000,7 @@ class Operations(Generic[R]):
             tangent=tangent,
             visibility=visibility,
             slide=slide,
+            tiles=tiles,
             lights=lights,
             model=model,
             diffuse=diffuse,
@@ -2006,6 +2016,8 @@ class Operations(Generic[R]):
             eye=eye,
             view=view,
             local_viewer=local_viewer,
+            effect=effect,
+            faint=faint,
             size=size,
             share=share,
             **options,
@@ -3008,6 +3020,7 @@ class Operations(Generic[R]):
         *,
         depth: ImageLike,
         normal: ImageLike = None,
+        tiles: ImageLike = None,
         fov: float | None = None,
         depth_kind: Literal["planar", "euclidean", "window", "reversed"] | None = None,
         near: float | None = None,
@@ -3025,6 +3038,7 @@ class Operations(Generic[R]):
         source: float | None = None,
         slope: float | None = None,
         outside: Literal["lit", "dark"] | None = None,
+        effect: int | None = None,
         taps: float | None = None,
         bits: float | None = None,
         **options: Unpack[Options],
@@ -3034,6 +3048,8 @@ class Operations(Generic[R]):
         map: the depths that the light sees
         depth: how far from the camera each pixel is, or, of three channels, where
         normal: the points' normals, of any length
+        tiles: what is left out in squares of 32 px: the light, which then counts as 0, where the channel `effect` is
+            more than 0; of any size
         fov: the camera's vertical angle of view; at least 0.01, at most 175; deg; default 50.0
         depth_kind: planar: along the viewing direction; euclidean: from the eye; window: 0 at near, 1 at far;
             reversed: 1 to 0; default "planar"
@@ -3050,13 +3066,14 @@ class Operations(Generic[R]):
         light_far: of a window's depth, and of depth in few bits; none: infinitely far; above 0, at most 1000000000
         kind: pcf: comparisons averaged; pcss: over as much as the penumbra is wide; variance: Chebyshev's bound;
             default "pcf"
-        filter: side of the square that is averaged, texels; 0: the nearest texel alone. Of pcss: the widest; at least
-            0, at most 32; default 0.0
+        filter: side of the square that is averaged, texels; 0, and below 0.001: the nearest texel alone. Of pcss: the
+            widest; at least 0, at most 32; default 0.0
         source: of pcss: the light's width; of light without perspective the tangent of the angle it fills; at least
             0, at most 1000000; default 0.2
         slope: without normals: the steepest receiver, depth over width, that casts no shadow on itself; at least 0,
             at most 100; default 1.0
         outside: beyond the map and behind the light; default "lit"
+        effect: the channel of `tiles` that is about this light; at least 0, at most 4095; default 0
         taps: texels that are compared; 1 to 1024; a knob
         bits: of a stored depth; 4 to 32; a knob
         method: exact, sampled, linear, window
@@ -3066,6 +3083,7 @@ class Operations(Generic[R]):
             map,
             depth=depth,
             normal=normal,
+            tiles=tiles,
             fov=fov,
             depth_kind=depth_kind,
             near=near,
@@ -3083,6 +3101,7 @@ class Operations(Generic[R]):
             source=source,
             slope=slope,
             outside=outside,
+            effect=effect,
             taps=taps,
             bits=bits,
             **options,
@@ -3563,6 +3582,48 @@ class Operations(Generic[R]):
             smoothing=smoothing,
             points=points,
             samples=samples,
+            **options,
+        )
+
+    def tiles(
+        self,
+        position: ImageLike,
+        /,
+        *,
+        normal: ImageLike,
+        lights: Numbers | None = None,
+        fog: Mapping[str, Any] | None = None,
+        reflected: float | None = None,
+        faint: float | None = None,
+        worth: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Tells for every tile of a picture which lamps give nothing there, and why.
+
+        position: where surfaces are: x, y, z; infinite where there is nothing
+        normal: which way they face, of any length
+        lights: the lamps, as of lighting; default [{"kind": "directional", "position": [0.0, 0.0, 0.0], "direction":
+            [0.0, 0.0, -1.0], "up": [0.0, 1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05,
+            "nearest": 0.0, "falloff": [0.0, 0.0, 1.0], "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples":
+            16, "fov": 45.0, "aspect": 1.0}]
+        fog: parameters of the operation fog; what it hides needs no light
+        reflected: the largest radiance that a surface sends of a lamp's 1; none: it has no bound; at least 0, at most
+            1e+30
+        faint: the largest light of a pixel that may be left out; at least 0, at most 1000000; default 0.0
+        worth: the share of pairs of a lamp and a tile that must be left out in every fourth tile of every fourth row
+            (of fewer than 64 tiles in all), those aside where nothing is; where it is less, nothing is left out
+            anywhere; at least 0, at most 1; default 0.0
+        method: exact
+        """
+        return self.run(
+            "tiles",
+            position,
+            normal=normal,
+            lights=lights,
+            fog=fog,
+            reflected=reflected,
+            faint=faint,
+            worth=worth,
             **options,
         )
 

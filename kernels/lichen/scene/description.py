@@ -40,6 +40,7 @@ class Output(StrEnum):
     POSITION = "position"
     NORMAL = "normal"
     ALBEDO = "albedo"
+    TILES = "tiles"
 
 
 class View(Camera):
@@ -142,7 +143,8 @@ class Scene(OperationParameters):
     background: Colour = (0.0, 0.0, 0.0)
     """the light where there is nothing"""
     output: Output = Output.PICTURE
-    """picture; light: without fog and background; or a buffer: depth, position, normal, albedo"""
+    """picture; light: without fog and background; or a buffer: depth, position, normal, albedo; tiles: by the
+    operation of that name, which lights are left out where"""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from lichen.catalogue import operation
-from lichen.errors import Flaw, InvalidRequest
 from lichen.planning.pipeline import INPUT
-from lichen.scene.nodes import Nodes
+from lichen.scene.nodes import Nodes, understood
 
 
 def finished(nodes: Nodes, lit: str) -> str:
     """The picture of the light that surfaces send."""
     made = fogged(nodes, before_background(nodes, mirrored(nodes, lit)))
     return shuttered(nodes, seen_through_lens(nodes, made))
-
-
-def _read(name: str, said: Mapping[str, Any], where: str) -> Any:
-    """Parameters of an operation. Raises `InvalidRequest` with flaws at the scene's own place."""
-    try:
-        return operation(name).validate(said)
-    except InvalidRequest as invalid:
-        flaws = [Flaw(each.pointer.replace("/parameters", where, 1), each.detail) for each in invalid.flaws]
-        raise InvalidRequest(invalid.detail, flaws) from None
 
 
 def mirrored(nodes: Nodes, lit: str) -> str:
@@ -35,7 +23,7 @@ def mirrored(nodes: Nodes, lit: str) -> str:
         return lit
     said = dict(scene.environment)
     image = said.pop("image")
-    p = _read("reflection", said, "/environment")
+    p = understood("reflection", said, "/environment")
     if p.mode == "mirror" and p.fresnel == "none" and p.reflectance == 0 and p.background == "none" and nodes.prune:
         nodes.leave_out("environment", "surfaces reflect nothing of it")
         return lit
@@ -50,7 +38,7 @@ def seen_through_lens(nodes: Nodes, picture: str) -> str:
     scene = nodes.scene
     if scene.lens is None:
         return picture
-    p = _read("depth_of_field", scene.lens, "/lens")
+    p = understood("depth_of_field", scene.lens, "/lens")
     if (p.blur == 0 or p.largest == 0) and nodes.prune:
         nodes.leave_out("lens", "its aperture is a point")
         return picture
@@ -62,7 +50,7 @@ def shuttered(nodes: Nodes, picture: str) -> str:
     scene = nodes.scene
     if scene.shutter is None:
         return picture
-    _read("motion_blur", scene.shutter, "/shutter")
+    understood("motion_blur", scene.shutter, "/shutter")
     given = scene.buffers.given
     if not given and not any(any(each.velocity) for each in scene.objects) and nodes.prune:
         nodes.leave_out("shutter", "nothing moves")
@@ -100,7 +88,7 @@ def fogged(nodes: Nodes, picture: str) -> str:
     scene = nodes.scene
     if scene.fog is None:
         return picture
-    p = _read("fog", scene.fog, "/fog")
+    p = understood("fog", scene.fog, "/fog")
     if p.clear and nodes.prune:
         nodes.leave_out("fog", "its density is 0")
         return picture

@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from lichen.errors import Flaw, InvalidRequest
+from lichen.image import Image
 from lichen.operations.lighting.lamps import Kind
 from lichen.planning.graph import Decision
 from lichen.planning.pipeline import INPUT, Exit, Pipeline
-from lichen.scene import predicates
+from lichen.scene import predicates, tiling
 from lichen.scene.description import Buffers, Light, Output, Scene
 from lichen.scene.finishing import finished
 from lichen.scene.lights import Sight, filtering, given_map, sight
@@ -35,6 +36,8 @@ class Lowered:
     pipeline: Pipeline
     decisions: tuple[Decision, ...]
     origins: Mapping[str, str]
+    lamps: tuple[int, ...] = ()
+    """the numbers of the lights that tiles tell of, in their order there"""
 
     def relocated(self, flaws: Iterable[Flaw]) -> list[Flaw]:
         """Flaws of nodes as flaws of the scene."""
@@ -55,81 +58,125 @@ class Lowered:
         return list(dict.fromkeys(found))
 
 
-def lower(scene: Scene, *, prune: bool = True) -> Lowered:
-    """The graph of a scene. Raises `InvalidRequest` for parameters that fog or lighting does not take."""
-    return _Builder(scene, prune).lowered()
+def lower(
+    scene: Scene,
+    *,
+    prune: bool = True,
+    faint: float = 0.0,
+    images: Mapping[str, Image] | None = None,
+) -> Lowered:
+    """The graph of a scene.
+
+    `faint` is the light that may be left out of a pixel, beside what cannot be seen at all; `images`, the pictures sent
+    along, tell how much they reflect. Raises `InvalidRequest` for parameters that fog or lighting does not take.
+    """
+    return _Builder(scene, prune, faint, images or {}).lowered()
 
 
 class _Builder(Nodes):
     """Adds what lights the surfaces."""
 
+    def __init__(self, scene: Scene, prune: bool, faint: float, images: Mapping[str, Image]) -> None:
+        super().__init__(scene, prune)
+        self.faint, self.images = faint, images
+        self.lamps: list[tuple[int, Light]] = []
+        """those that are seen, those without shadows first"""
+        self.tiled: str | None = None
+
     def lowered(self) -> Lowered:
         scene = self.scene
-        if scene.output in (Output.PICTURE, Output.LIGHT):
+        if scene.output is Output.TILES:
+            made = self._mapped()
+        elif scene.output in (Output.PICTURE, Output.LIGHT):
             made = self._lit()
             if scene.output is Output.PICTURE:
                 made = finished(self, made)
         else:
             made = self.buffer(str(scene.output))
-        return Lowered(Pipeline(self.steps, {"result": Exit(made)}), tuple(self.decisions), self.origins)
+        lamps = tuple(number for number, _ in self.lamps)
+        return Lowered(Pipeline(self.steps, {"result": Exit(made)}), tuple(self.decisions), self.origins, lamps)
 
     # -------------------------------------------------------------------------------------------------------- light
+
+    def _seen(self) -> tuple[list[tuple[int, Light]], list[tuple[int, Light]]]:
+        """The lamps that light something: those without shadows, and those with."""
+        plain: list[tuple[int, Light]] = []
+        hidden: list[tuple[int, Light]] = []
+        for number, light in enumerate(self.scene.lights):
+            reason = predicates.dark(light)
+            if reason is None and not self.scene.everything_given:
+                reason = predicates.misses(light, self.scene.objects)
+            if reason is not None and self.prune:
+                self.leave_out(f"light_{number}", reason)
+            else:
+                (hidden if self._hides(number, light) else plain).append((number, light))
+        self.lamps = [*plain, *hidden]
+        return plain, hidden
 
     def _lit(self) -> str:
         """The light that surfaces send to the camera."""
         scene = self.scene
         parts: list[str] = []
-        plain: list[Light] = []
-        hidden: list[tuple[Light, str]] = []
-        for number, light in enumerate(scene.lights):
-            name = f"light_{number}"
-            reason = predicates.dark(light)
-            if reason is None and not scene.everything_given:
-                reason = predicates.misses(light, scene.objects)
-            if reason is not None and self.prune:
-                self.leave_out(name, reason)
-                continue
-            shadow = self._shadow(name, number, light)
-            if shadow is None:
-                plain.append(light)
-            else:
-                hidden.append((light, shadow))
+        plain, hidden = self._seen()
+        lamps = [light for _, light in self.lamps]
+        if self.prune and lamps and tiling.worthwhile(scene, lamps, self.images):
+            self._tiles()
         if plain:
-            parts.append(self._lighting("lighting", plain, None))
+            parts.append(self._lighting("lighting", [light for _, light in plain], None, 0))
         for first in range(0, len(hidden), JOINED):
             some = hidden[first : first + JOINED]
-            name = f"shadowed_{first // JOINED}"
-            parts.append(self._lighting(name, [light for light, _ in some], self._joined(name, some)))
+            name, effect = f"shadowed_{first // JOINED}", len(plain) + first
+            shadows = [self._shadow(number, light, effect + at) for at, (number, light) in enumerate(some)]
+            parts.append(self._lighting(name, [light for _, light in some], self._joined(name, shadows), effect))
         if any(scene.ambient):
             parts.append(self._ambient())
         return self._summed(parts)
 
-    def _joined(self, name: str, some: list[tuple[Light, str]]) -> str:
+    def _mapped(self) -> str:
+        self._seen()
+        if not self.lamps:
+            flaw = Flaw("/lights", "none of them lights anything, so there is nothing to be left out of tiles")
+            raise InvalidRequest("The scene has no map.", [flaw])
+        self._tiles()
+        return "tiles"
+
+    def _tiles(self) -> None:
+        """The lists of what is left out where."""
+        inputs = {name: self.buffer(name) for name in ("position", "normal")}
+        lamps = [light for _, light in self.lamps]
+        said = tiling.parameters(self.scene, lamps, self.faint if self.prune else 0.0, self.images)
+        self.tiled = self.add("tiles", "tiles", said, inputs, "/lights")
+
+    def _joined(self, name: str, names: list[str]) -> str:
         """The shadows of some lights as the channels of one picture."""
-        names = [shadow for _, shadow in some]
         if len(names) == 1:
             return names[0]
         letters = "abcd"[: len(names)]
         joined = {"expression": f"({', '.join(letters)})"}
         return self.add(f"{name}_seen", "expression", joined, dict(zip(letters, names, strict=True)), "/lights")
 
-    def _shadow(self, name: str, number: int, light: Light) -> str | None:
-        """The share of a light that reaches each pixel; None where all of it does."""
-        scene, shadow = self.scene, light.shadow
-        if shadow is None:
-            return None
-        where = f"/lights/{number}/shadow"
+    def _hides(self, number: int, light: Light) -> bool:
+        """Whether something stands before a light, as far as a map can show it."""
+        if light.shadow is None or light.shadow.map is not None:
+            return light.shadow is not None
+        reason = predicates.unshadowed(self.scene.objects)
+        if predicates.around(self.scene.objects) is None:
+            self.leave_out(f"light_{number}_shadow", reason or "planes without an end are in no map")
+            return False
+        if reason is not None and self.prune:
+            self.leave_out(f"light_{number}_shadow", reason)
+            return False
+        return True
+
+    def _shadow(self, number: int, light: Light, effect: int) -> str:
+        """The share of a light that reaches each pixel."""
+        shadow, name, where = light.shadow, f"light_{number}", f"/lights/{number}/shadow"
+        assert shadow is not None
         if shadow.map is not None:
             seen, depths = given_map(light), INPUT + shadow.map
         else:
-            reason = predicates.unshadowed(scene.objects)
-            ball = predicates.around(scene.objects)
-            if ball is None:
-                self.leave_out(f"{name}_shadow", reason or "planes without an end are in no map")
-                return None
-            if reason is not None and self.prune:
-                self.leave_out(f"{name}_shadow", reason)
-                return None
+            ball = predicates.around(self.scene.objects)
+            assert ball is not None, "what has no end is in no map"
             seen = sight(light, ball)
             if not seen.whole:
                 self.leave_out(f"{name}_map", "one map shows no more; what it does not show is lit", "narrowed")
@@ -138,7 +185,15 @@ class _Builder(Nodes):
         if simpler is not None:
             self.leave_out(f"{name}_shadow", simpler, "simplified")
         inputs = {"map": depths, "depth": self.buffer("position"), "normal": self.buffer("normal")}
-        return self.add(f"{name}_shadow", "shadow", {**seen.shadow(), **filters}, inputs, where)
+        said = {**seen.shadow(), **filters, **self._skipping(inputs, effect)}
+        return self.add(f"{name}_shadow", "shadow", said, inputs, where)
+
+    def _skipping(self, inputs: dict[str, str], effect: int) -> dict[str, Any]:
+        """What makes a node skip tiles, where there are any lists of them."""
+        if self.tiled is None:
+            return {}
+        inputs["tiles"] = self.tiled
+        return {"effect": effect}
 
     def _map(self, name: str, seen: Sight, size: int, where: str) -> str:
         far = min(1e6, 1e4 + self.scene.camera.far)
@@ -146,7 +201,7 @@ class _Builder(Nodes):
         objects = [each.model_dump() for each in self.scene.objects]
         return self.add(f"{name}_map", "gbuffer", {**parameters, "objects": objects}, {}, where)
 
-    def _lighting(self, name: str, lamps: list[Light], seen: str | None) -> str:
+    def _lighting(self, name: str, lamps: list[Light], seen: str | None, effect: int) -> str:
         scene = self.scene
         surface = dict(scene.surface)
         dull = surface.get("model", "lambert") == "lambert"
@@ -170,8 +225,18 @@ class _Builder(Nodes):
             self._roughness(name, surface, inputs)
         if seen is not None:
             inputs["visibility"] = seen
-        lights = [each.model_dump(mode="json", exclude={"shadow"}) for each in lamps]
+        surface |= self._skipping(inputs, effect)
+        if self.tiled is not None:
+            surface["faint"] = self.faint
+        lights = [self._lamp(each) for each in lamps]
         return self.add(name, "lighting", {"model": "lambert", **surface, "lights": lights}, inputs, "/surface")
+
+    def _lamp(self, light: Light) -> dict[str, Any]:
+        """As `lighting` has it, with how near it comes to what stands in the scene."""
+        said = light.model_dump(mode="json", exclude={"shadow"})
+        if light.nearest == 0 and not self.scene.everything_given:
+            said["nearest"] = predicates.clearance(light, self.scene.objects)
+        return said
 
     def _roughness(self, name: str, surface: dict[str, Any], inputs: dict[str, str]) -> None:
         """A buffer, or a number where it is the same everywhere."""

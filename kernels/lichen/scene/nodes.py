@@ -5,9 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from lichen.catalogue import operation
+from lichen.errors import Flaw, InvalidRequest
 from lichen.planning.graph import Decision
 from lichen.planning.pipeline import INPUT, Step
 from lichen.scene.description import Scene
+
+
+def understood(name: str, said: Mapping[str, Any], where: str) -> Any:
+    """Parameters of an operation. Raises `InvalidRequest` with flaws at the scene's own place."""
+    try:
+        return operation(name).validate(said)
+    except InvalidRequest as invalid:
+        flaws = [Flaw(each.pointer.replace("/parameters", where, 1), each.detail) for each in invalid.flaws]
+        raise InvalidRequest(invalid.detail, flaws) from None
 
 
 class Nodes:

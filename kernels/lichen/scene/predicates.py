@@ -5,6 +5,7 @@
   so they enter every cone that is not turned away from them: one whose every ray runs from the plane.
 * One object that is convex (a sphere, a plane, a box) hides none of itself that faces the light; what faces away is
   dark by its cosine already. So a shadow needs a second object, or one that is not convex.
+* No surface is nearer to a light than the nearest object: errors need not count with a light on a surface.
 * Fog of density 0 hides nothing; roughness that is the same everywhere is a number, no buffer; no share shines through
   fog where no object is given one.
 """
@@ -99,3 +100,31 @@ def same_roughness(objects: Sequence[Object]) -> float | None:
     """The roughness that all objects have, or None."""
     found = {each.roughness for each in objects}
     return found.pop() if len(found) == 1 else None
+
+
+def clearance(light: Light, objects: Sequence[Object]) -> float:
+    """A distance from a light at a place that no surface is nearer than; 0 where nothing is known."""
+    if light.kind is Kind.DIRECTIONAL or not objects:
+        return 0.0
+    place = np.array(light.position)
+    size = math.hypot(*light.size) / 2 if light.kind is Kind.AREA else 0.0
+    near = min(_apart(place, each) for each in objects)
+    return max(near * (1 - 1e-4) - size, 0.0)
+
+
+def _apart(place: Array, each: Object) -> float:
+    """The distance of a place from an object's surface, or less."""
+    match each:
+        case Sphere():
+            return abs(float(np.linalg.norm(place - each.centre)) - each.radius)
+        case Plane():
+            return abs(float(np.dot(place - each.point, each.normal))) / float(np.linalg.norm(each.normal))
+        case Box():
+            turn = math.radians(each.turn)
+            x, y, z = place - each.centre
+            within = np.array([x * math.cos(turn) - z * math.sin(turn), y, x * math.sin(turn) + z * math.cos(turn)])
+            off = np.abs(within) - np.array(each.size) / 2
+            return float(np.linalg.norm(np.maximum(off, 0))) or float(-off.max())
+    found = ball(each)
+    assert found is not None, "only planes have no ball"
+    return max(float(np.linalg.norm(place - found[0])) - found[1], 0.0)

@@ -84,7 +84,7 @@ class Pipelines:
             with stages.stage("plan"):
                 prepared = told.prepare(deliveries, images, wishes)
             if options.explain:
-                return _explained(prepared.plan.to_json(), deliveries, stages)
+                return self._explained(told, prepared, deliveries, request.head, options, stages)
             reserve(prepared.plan.peak_bytes)
             parts = len(deliveries) > 1 or prefers(request.head.headers.get("accept"), mixed.MIXED)
             forms = [parts, {name: form_of(each) for name, each in deliveries.items()}]
@@ -132,6 +132,13 @@ class Pipelines:
     def _known(self, told: Told, images: dict[str, Image], options: Options) -> tuple[Told, dict[str, Image]]:
         """The document and its pictures once these are decoded."""
         return told, images
+
+    def _explained(
+        self, told: Told, prepared: Prepared, deliveries: Mapping[str, Delivery], head: Head, options: Options,
+        stages: Stages,
+    ) -> Response:  # fmt: skip
+        """The plan."""
+        return _explained(prepared.plan.to_json(), deliveries, stages)
 
     def _read(self, request: Request) -> tuple[Told, Options, Uploads]:
         """Document, options and uploads. Raises what is wrong with any of them, all of it at once."""

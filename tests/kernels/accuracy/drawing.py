@@ -203,6 +203,8 @@ def value(field: Mapping[str, Any], definitions: Mapping[str, Any]) -> st.Search
         if items:
             return st.tuples(*(value(each, definitions) for each in items)).map(list)
         return st.lists(value(field["items"], definitions), min_size=fewest, max_size=most)
+    if kind == "object":
+        return st.just({})  # with the defaults of all that it holds
     low = field.get("minimum", field.get("exclusiveMinimum", -1e3))
     high = field.get("maximum", field.get("exclusiveMaximum", 1e3))
     if kind == "integer":

@@ -11,6 +11,8 @@ import pytest
 import lichen
 from lichen.errors import InvalidRequest
 from lichen.opencl.session import Session
+from lichen.scene.description import read
+from lichen.scene.predicates import clearance
 
 STILL: dict[str, Any] = {
     "camera": {"eye": [0.6, 1.6, 4.5], "target": [0, 0.6, 0], "fov": 42, "width": 72, "height": 54},
@@ -118,6 +120,22 @@ def test_every_decision_of_the_scene_has_its_reason() -> None:
     assert any("convex" in each.reason for each in single.decisions)
 
 
+def test_an_error_counts_with_lights_where_they_are() -> None:
+    """Boxes that are turned, balls from within: no surface is nearer than was said, and light is what it was."""
+    rng = np.random.default_rng(5)
+    lights = [{"kind": "point", "position": rng.uniform([-2, 0.2, -2], [2, 2, 2]).tolist()} for _ in range(24)]
+    scene = read({**STILL, "lights": [*lights, {"kind": "point", "position": [-0.8, 0.7, 0.1]}]})
+    position = lichen.render({**STILL, "output": "position"}).image.pixels.reshape(-1, 3).astype(float)
+    position = position[np.isfinite(position).all(axis=1)]
+    for light in scene.lights:
+        near = np.linalg.norm(position - light.position, axis=1).min()
+        assert clearance(light, scene.objects) <= near * (1 + 1e-6)
+    made, bare = lichen.render(STILL), {**STILL["lights"][0], "nearest": 1e-9}
+    plain = lichen.render({**STILL, "lights": [bare, *STILL["lights"][1:]]})
+    assert np.array_equal(made.image.pixels, plain.image.pixels)
+    assert made.error.value < 1e-4 < plain.error.value / 100
+
+
 def test_shadow_darkens_and_fog_brightens_where_they_should() -> None:
     bare = {**STILL, "fog": None, "ambient": [0, 0, 0], "lights": STILL["lights"][:1]}
     unshadowed = {**bare, "lights": [{**STILL["lights"][0], "shadow": None}]}
@@ -182,11 +200,84 @@ def test_buffers_sent_along_are_lit_like_objects() -> None:
 
 def test_random_scenes_are_the_same_pruned_and_whole() -> None:
     rng = np.random.default_rng(11)
-    for _ in range(6):
-        made = random_scene(rng)
+    for number in range(6):
+        made = dict(random_scene(rng))
+        if number % 2:
+            made["lights"] = [*made["lights"], *MANY]
         pruned, whole = lichen.render(made), lichen.render(made, prune=False)
         apart = np.abs(pruned.image.pixels - whole.image.pixels).max()
         assert apart <= 1e-5 * max(1.0, float(np.abs(whole.image.pixels).max())), made
+
+
+MANY = [
+    {
+        "kind": "spot", "position": [x, 2.5, z], "direction": [0, -1, 0], "inner": 12, "outer": 24, "intensity": 6,
+        **({"shadow": {"size": 32, "filter": 2}} if z > 0 else {}),
+    }
+    for x in (-3.0, -1.5, 0.0, 1.5, 3.0) for z in (-3.0, -1.0, 1.0)
+]  # fmt: skip
+
+
+def test_lamps_are_left_out_of_tiles_and_nothing_changes() -> None:
+    camera = {**STILL["camera"], "width": 150, "height": 110}
+    scene = {**STILL, "camera": camera, "lights": [*MANY, *STILL["lights"]], "surface": {"model": "blinn_phong"}}
+    pruned, whole = lichen.render(scene), lichen.render(scene, prune=False)
+    np.testing.assert_allclose(pruned.image.pixels, whole.image.pixels, atol=1e-6)
+    said = [each for each in pruned.decisions if each.pass_ == "tiles"]
+    assert {each.reason.split(":")[0] for each in said} >= {"it lies outside the lamp's cone"}
+    assert all(each.action == "skipped" and each.bound == 0 for each in said)
+    assert not [each for each in whole.decisions if each.pass_ == "tiles"]
+
+
+@pytest.mark.parametrize("kind", ["exponential", "height"])
+def test_what_fog_hides_is_not_lit(kind: str) -> None:
+    """By as much as no stored code shows, and only where such codes are asked for."""
+    fog = {"kind": kind, "density": 2.2, "falloff": 9, "colour": [0.6, 0.68, 0.8]}
+    lamps = [{"kind": "point", "position": [x, 3, 2], "intensity": 3} for x in np.linspace(-2, 2, 26)]
+    camera = {**STILL["camera"], "width": 150, "height": 110}
+    scene = {**STILL, "camera": camera, "fog": fog, "lights": lamps}
+    stored, whole = lichen.render(scene, storage="uint8"), lichen.render(scene, prune=False)
+    found = {each.reason.split(":")[0]: each.bound for each in stored.decisions if each.pass_ == "tiles"}
+    apart = np.abs(stored.image.pixels - whole.image.pixels).max()
+    assert found["fog hides it"] > 0
+    assert 0 < apart <= sum(found.values()) <= 0.25 / 255 / 32 + 1e-9
+    assert stored.error.value >= apart
+    assert np.abs(lichen.render(scene).image.pixels - whole.image.pixels).max() < 1e-6
+
+
+@pytest.mark.parametrize("buffer", ["position", "normal", "albedo"])
+def test_what_is_no_number_in_a_buffer_stays_in_its_pixels(buffer: str) -> None:
+    """With lamps that are left out of the tile, and a highlight of 1e4 beside it."""
+    size = 40, 70
+    x, z = np.meshgrid(np.linspace(-4, 4, size[1]), np.linspace(-3, 3, size[0]))
+    given = {
+        "position": np.stack([x, 0 * x, z], axis=-1).astype(np.float32),
+        "normal": np.broadcast_to(np.array([0, 1, 0], np.float32), (*size, 3)).copy(),
+        "albedo": np.full((*size, 3), 0.5, np.float32),
+    }
+    given["albedo"][20, 40] = 1e4
+    given[buffer][20, 41] = np.nan
+    scene = {
+        "camera": {"eye": [0, 4, 3]}, "buffers": {name: name for name in given},
+        "surface": {"model": "lambert"}, "fog": {"density": 0.1}, "ambient": [0.1, 0.1, 0.1],
+        "background": [0.2, 0.3, 0.4],
+    }  # fmt: skip
+    scene["lights"] = [{**each, "shadow": None} for each in (*MANY, *MANY)]
+    pruned, whole = (lichen.render(scene, images=given, prune=prune) for prune in (True, False))
+    assert [each for each in pruned.decisions if each.pass_ == "tiles"]
+    np.testing.assert_allclose(pruned.image.pixels, whole.image.pixels, rtol=1e-6, equal_nan=True)
+    spoilt = ~np.isfinite(pruned.image.pixels).all(axis=-1)
+    assert spoilt[20, 41]
+    assert np.count_nonzero(spoilt) == 1
+
+
+def test_one_pixel_and_nothing_at_all_are_scenes() -> None:
+    dot = {**STILL, "camera": {**STILL["camera"], "width": 1, "height": 1}, "lights": [*MANY, *STILL["lights"]]}
+    first, second = lichen.render(dot), lichen.render(dot, prune=False)
+    assert first.image.pixels.shape == (1, 1, 3)
+    np.testing.assert_allclose(first.image.pixels, second.image.pixels, atol=1e-6)
+    nothing = lichen.render({**STILL, "objects": [], "lights": [*MANY, *STILL["lights"]], "fog": None}).image.pixels
+    np.testing.assert_allclose(nothing, np.broadcast_to(STILL["background"], nothing.shape), atol=1e-6)
 
 
 def random_scene(rng: np.random.Generator) -> Mapping[str, Any]:

@@ -17,7 +17,8 @@ pi x intensity.
 Falloff is 1 / (a + b s + c s^2) with s^2 = distance^2 + radius^2, where (a, b, c) is `falloff`, and what arrives at the
 surface is that times the cosine times distance / s. For a, b, c = 0, 0, 1 this is exactly the flux from a transparent
 ball of glowing gas of Plummer's density: the inverse square far away, finite and smooth everywhere, and nothing at the
-centre, where light comes from all sides alike. So no smallest distance is needed. Each disc of an area has the radius
+centre, where light comes from all sides alike. So no smallest distance is needed, but `nearest` may say that nothing is
+nearer. Each disc of an area has the radius
 that makes up the area.
 
 Sources: W. Heidrich, High-quality shading and lighting for hardware-accelerated rendering, dissertation, Erlangen 1999,
@@ -72,6 +73,8 @@ class Row:
     DOWN = 24
     LAMP = 27
     """number of the lamp"""
+    NEAREST = 28
+    """its square"""
 
 
 class Kind(StrEnum):
@@ -99,6 +102,8 @@ class Lamp(OperationParameters):
     """factor on the colour"""
     radius: float = Field(0.05, ge=1e-6, le=1e6)
     """half of the lamp's extent, within which its falloff ends"""
+    nearest: float = Field(0.0, ge=0, le=1e6)
+    """distances below count as this: where nothing is nearer it changes no light, but what may be said of errors"""
     falloff: tuple[Share, Share, Share] = (0.0, 0.0, 1.0)
     """constant, linear and quadratic part of what the distance divides by"""
     inner: Degrees = Field(30.0, ge=0, le=179)
@@ -154,7 +159,7 @@ class Lamp(OperationParameters):
         if self.kind is Kind.DIRECTIONAL:
             return most
         a, b, c = self.falloff
-        radius = self.reach
+        radius = math.hypot(self.reach, self.nearest)
         return most / (a + b * radius + c * radius * radius)
 
     @property
@@ -178,6 +183,7 @@ class Lamp(OperationParameters):
             return row[None]
         row[Row.TYPE] = POSITIONAL
         row[Row.RADIUS] = self.reach**2
+        row[Row.NEAREST] = self.nearest**2
         row[Row.FALLOFF : Row.FALLOFF + 3] = self.falloff
         if self.kind is Kind.SPOT:
             inner, outer = (2 * math.sin(math.radians(each) / 2) ** 2 for each in (self.inner, self.outer))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,16 +11,15 @@ import numpy as np
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.operation import Inputs
 from lichen.operations.lighting import tables
-from lichen.operations.lighting.lamps import Kind, Row, unit_vector
+from lichen.operations.lighting.lamps import Row, unit_vector
 from lichen.operations.lighting.parameters import Parameters
 from lichen.operations.lighting.reflection import SMOOTHEST, STEEP, Distribution, Fresnel, Masking, Material, Model
 from lichen.operations.lighting.shading import Lit, lit
+from lichen.operations.scene.lists import by_pixel, left_out
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
-WIDEST = 85.0
-"""Degrees; a wider cone misses too little to be looked for."""
 NAMES = ("position", "albedo", "specular", "roughness", "tangent", "visibility", "slide")
 
 
@@ -46,20 +46,19 @@ def _numbers(p: Parameters, task: Lit) -> Array:
     )  # fmt: skip
 
 
-def cones_of(p: Parameters, rows: Array) -> Array | None:
-    """The cones of lamps as the kernel's columns: apex, axis, cosine and sine, all 0 of lamps without one; None where
-    no lamp has one. A thousandth of a radian is added, so that rounding shuts nobody out."""
-    narrow = [lamp.kind is Kind.SPOT and lamp.outer < WIDEST for lamp in p.lights]
-    if not any(narrow):
+def active(out: Array | None, rows: Array) -> Array | None:
+    """For each tile how many discs are to be looked at, and their rows in order: int32 (tiles, 1 + rows)."""
+    if out is None:
         return None
-    made = np.zeros((8, -(-len(rows) // 16) * 16), np.float32)
-    for at, row in enumerate(rows):
-        lamp = p.lights[int(row[Row.LAMP])]
-        if narrow[int(row[Row.LAMP])]:
-            outer = math.radians(lamp.outer) + 1e-3
-            made[:3, at], made[3:6, at] = row[Row.PLACE : Row.PLACE + 3], row[Row.AXIS : Row.AXIS + 3]
-            made[6:, at] = math.cos(outer), math.sin(outer)
-    return aligned(made)
+    off = out[..., rows[:, Row.LAMP].astype(np.int64)].reshape(-1, len(rows))
+    counts = np.count_nonzero(~off, axis=1)
+    return aligned(np.column_stack([counts, np.argsort(off, axis=1, kind="stable")]), np.int32)
+
+
+@lru_cache(maxsize=64)
+def scattered(count: int) -> int:
+    """A step that meets all of so many rows, neighbours far apart: coprime to the count, near its golden section."""
+    return next((step for step in range(round(count * 0.618), count) if math.gcd(step, count) == 1), 1)
 
 
 def on_opencl(device: Device, inputs: Inputs, p: Parameters, material: Material) -> Array:
@@ -68,20 +67,28 @@ def on_opencl(device: Device, inputs: Inputs, p: Parameters, material: Material)
     pixels = normal.height * normal.width
     channels = [inputs[name].channels if name in inputs else 0 for name in NAMES]
     slide: Any = inputs.get("slide", normal)
+    out_of_tiles = left_out(inputs, p.effect, len(p.lights), normal.height, normal.width)
+    width = normal.width if out_of_tiles is not None else pixels
     looked = aligned(tables.entries(material, p.slope, material.size)) if material.size else None
     with device.session() as session:
         session.launch(
-            "lighting/lighting.cl", "lighting", (-(-pixels // 16),),
+            "lighting/lighting.cl", "lighting", (-(-width // 16) * (pixels // width),),
             aligned(normal.pixels), *(aligned(inputs[name].pixels) if name in inputs else None for name in NAMES),
             aligned(np.array(channels), np.int32), np.int32(slide.width), np.int32(slide.height),
-            aligned(task.rows), np.int32(len(task.rows)), cones_of(p, task.rows), aligned(_numbers(p, task)),
+            aligned(task.rows), np.int32(len(task.rows)), active(out_of_tiles, task.rows), aligned(_numbers(p, task)),
             np.int32(list(Model).index(material.model)), np.int32(list(Distribution).index(material.distribution)),
             np.int32(list(Masking).index(material.masking)), np.int32(list(Fresnel).index(material.fresnel)),
-            looked, np.int32(material.size), session.write(out), np.uint64(pixels),
+            looked, np.int32(material.size), session.write(out), np.uint64(width), np.uint64(pixels // width),
+            np.uint64(scattered(pixels // width)),
             defines={"SHINY": int(material.model is not Model.LAMBERT)},
         )  # fmt: skip
     return out
 
 
 def on_numpy(inputs: Inputs, p: Parameters, material: Material, *, single: bool = True) -> Array:
-    return lit({name: image.pixels for name, image in inputs.items()}, task_of(p, inputs, material, single=single))
+    images = {name: image.pixels for name, image in inputs.items() if name != "tiles"}
+    height, width, _ = images["normal"].shape
+    out = left_out(inputs, p.effect, len(p.lights), height, width)
+    if out is not None:
+        images["out"] = by_pixel(out, height, width)
+    return lit(images, task_of(p, inputs, material, single=single))

@@ -7,6 +7,7 @@
 #include "reflection.clh"
 
 #define ROW 40
+#define TILE 32
 
 PLANE_FN vector16 load3(global const float *restrict in, int count)
 {
@@ -76,7 +77,7 @@ PLANE_FN vector16 projected(global const float *restrict row, vector16 way, glob
 // The light that arrives, before the cosine at the surface, as a share of the lamp's colour; l becomes its direction.
 PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector16 *l)
 {
-    float16 square = vector_dot(way, way), apart = square + row[13];
+    float16 square = num_max(vector_dot(way, way), (float16)(row[28])), apart = square + row[13];
     *l = vector_unit(way);
     float16 falls = fma((float16)(row[16]), apart, (float16)(row[14]));
     if (row[15] != 0.0f)
@@ -96,40 +97,28 @@ PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector
     return strength;
 }
 
-PLANE_FN float least(float16 v)
-{
-    float8 a = v.lo < v.hi ? v.lo : v.hi;
-    float4 b = a.lo < a.hi ? a.lo : a.hi;
-    float2 c = b.lo < b.hi ? b.lo : b.hi;
-    return c.x < c.y ? c.x : c.y;
-}
-
-// Which of sixteen lamps leave a ball in the dark: it lies outside their cones. `cones` holds `stride` numbers each of the
-// apex, the axis, and the cosine and sine of an angle slightly wider than the cone's.
-PLANE_FN int16 beside(global const float *restrict cones, int stride, float4 ball)
-{
-    float16 x = ball.x - vload16(0, cones), y = ball.y - vload16(0, cones + stride), z = ball.z - vload16(0, cones + 2 * stride);
-    float16 ahead = x * vload16(0, cones + 3 * stride) + y * vload16(0, cones + 4 * stride) + z * vload16(0, cones + 5 * stride);
-    float16 square = x * x + y * y + z * z - ahead * ahead, side = sqrt(square > 0.0f ? square : (float16)(0.0f));
-    return vload16(0, cones + 6 * stride) * side - vload16(0, cones + 7 * stride) * ahead > ball.w;
-}
-
-// Whether all numbers are finite: what is not makes a NaN even of no light.
-PLANE_FN bool tame(vector16 v) { return all(isfinite(v.x) & isfinite(v.y) & isfinite(v.z)); }
+// Whether numbers are finite: what is not makes a NaN even of no light.
+PLANE_FN int16 tame(vector16 v) { return (fabs(v.x) < INFINITY) & (fabs(v.y) < INFINITY) & (fabs(v.z) < INFINITY); }
 
 kernel void lighting(global const float *restrict normal, global const float *restrict position,
                      global const float *restrict albedo, global const float *restrict specular,
                      global const float *restrict roughness, global const float *restrict tangent,
                      global const float *restrict visibility, global const float *restrict slide,
                      global const int *restrict channels, int wide, int high, global const float *restrict rows,
-                     int lamps, global const float *restrict cones, global const float *restrict n, int model,
+                     int lamps, global const int *restrict active, global const float *restrict n, int model,
                      int distribution, int masking, int fresnel_kind,
-                     global const float *restrict tables, int size, global float *restrict out, ulong pixels)
+                     global const float *restrict tables, int size, global float *restrict out, ulong width,
+                     ulong height, ulong stride)
 {
-    ulong first = get_global_id(0) * (ulong)LANES;
-    if (first >= pixels)
+    ulong per_row = (width + LANES - 1) / LANES, line = get_global_id(0) / per_row;
+    if (line >= height)
         return;
-    int count = (int)min((ulong)LANES, pixels - first);
+    line = line * stride % height; // near rows have the same lamps: threads get some of everywhere
+    ulong column = get_global_id(0) % per_row * LANES, first = line * width + column;
+    int count = (int)min((ulong)LANES, width - column);
+    if (active) // of this tile: how many rows, and which
+        active += (line / TILE * ((width + TILE - 1) / TILE) + column / TILE) * (lamps + 1);
+    int looked_at = active ? active[0] : lamps;
     bool placed = channels[0] != 0;
     vector16 facing = vector_unit(load3(normal + first * 3, count)), place = facing, v = same3(n + 6);
     if (placed) {
@@ -169,25 +158,19 @@ kernel void lighting(global const float *restrict normal, global const float *re
     }
     float16 w = vector_dot(facing, v);
 #endif
-    // Lamps whose cones miss the box around all points are passed over, where that cannot be told from adding nothing.
-    bool passes = placed && cones && !channels[5] && tame(place) && tame(matt) && tame(facing) && tame(v);
-#if SHINY
-    passes = passes && tame(shiny) && tame(t) && all(isfinite(rough));
-#endif
-    int stride = (lamps + LANES - 1) / LANES * LANES, missed[LANES];
-    float4 ball = (float4)(0.0f);
-    if (passes) {
-        float3 low = (float3)(least(place.x), least(place.y), least(place.z));
-        float3 high = -(float3)(least(-place.x), least(-place.y), least(-place.z));
-        ball = (float4)(0.5f * (low + high), 0.50001f * length(high - low));
-    }
     vector16 total = vector((float16)(0.0f), (float16)(0.0f), (float16)(0.0f));
-    for (int lamp = 0; lamp < lamps; lamp++) {
+    int16 nowhere = (fabs(place.x) == INFINITY) | (fabs(place.y) == INFINITY) | (fabs(place.z) == INFINITY);
+    bool spoilt = false;
+    if (looked_at < lamps) {
+        int16 sound = tame(place) & tame(matt) & tame(facing) & tame(v);
+#if SHINY
+        sound &= tame(shiny) & tame(t) & (fabs(rough) < INFINITY);
+#endif
+        spoilt = !all(sound | (placed ? nowhere : (int16)(0)));
+    }
+    for (int k = 0; k < (spoilt ? lamps : looked_at); k++) { // what is left out follows what is not
+        int lamp = active ? active[1 + k] : k;
         global const float *restrict row = rows + lamp * ROW;
-        if (passes && lamp % LANES == 0)
-            vstore16(beside(cones + lamp, stride, ball), 0, missed);
-        if (passes && missed[lamp % LANES])
-            continue;
         vector16 l = same3(row + 4), light = same3(row + 1);
         if (row[0] != 0.0f) {
             vector16 way = towards(row + 4, row + 7, place);
@@ -201,6 +184,8 @@ kernel void lighting(global const float *restrict normal, global const float *re
             int which = channels[5] == 1 ? 0 : (int)row[27];
             light = vector_scale(light, plane_load(visibility + first * channels[5], channels[5], which, count));
         }
+        if (k >= looked_at)
+            light = vector((float16)(0.0f), (float16)(0.0f), (float16)(0.0f));
         float16 u = vector_dot(facing, l), diffuse = u > 0.0f ? u : u - u;
 #if SHINY
         if (model == BANKS) {
@@ -214,9 +199,8 @@ kernel void lighting(global const float *restrict normal, global const float *re
 #endif
         total = vector(fma(light.x, sent.x, total.x), fma(light.y, sent.y, total.y), fma(light.z, sent.z, total.z));
     }
-    float16 spoilt = v.x - v.x;
-    float16 made[3] = {total.x + spoilt, total.y + spoilt, total.z + spoilt};
-    int16 nowhere = (fabs(place.x) == INFINITY) | (fabs(place.y) == INFINITY) | (fabs(place.z) == INFINITY);
+    float16 off = v.x - v.x;
+    float16 made[3] = {total.x + off, total.y + off, total.z + off};
     for (int c = 0; c < 3 && placed; c++)
         made[c] = nowhere ? (float16)(0.0f) : made[c];
     planes_store(made, out + first * 3, 3, count);

@@ -10,7 +10,8 @@ highlights are as bright as they are.
 Inputs beside the normals, which need not be of unit length: `position`, wanted where a lamp is at a place or a viewer
 near; `albedo` and `specular`, colours or grey, which multiply `diffuse` and `highlight`; `roughness` and `tangent`, in
 place of `facet_roughness` and `grain`; `visibility`, how much is seen of a lamp, in one channel for all or one for
-each; `slide`, what projectors show.
+each; `slide`, what projectors show; `tiles`, which lamps are left out where (see the operation tiles): their light
+counts as 0 there, and they are not looked at. What that changes, `faint`, is part of every error.
 
 The frame is right-handed, x to the right, y up, and the viewer looks along -z: from `eye` where there are positions and
 `local_viewer` is set, from infinity along `view` otherwise.
@@ -28,7 +29,9 @@ Sources: see lamps.py, reflection.py and tables.py.
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from lichen.errors import Flaw
@@ -41,6 +44,7 @@ from lichen.operations.lighting.lamps import Kind
 from lichen.operations.lighting.launch import on_numpy, on_opencl
 from lichen.operations.lighting.parameters import Parameters
 from lichen.operations.lighting.reflection import SMOOTHEST, Fresnel, Model
+from lichen.operations.scene.lists import listing
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -54,7 +58,7 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     flaws = [
         Flaw(f"/inputs/{name}", f"is {each.width}x{each.height}; normal is {normal.width}x{normal.height}")
         for name, each in facts.items()
-        if name != "slide" and (each.height, each.width) != (normal.height, normal.width)
+        if name not in ("slide", "tiles") and (each.height, each.width) != (normal.height, normal.width)
     ]
     for name in ("albedo", "specular", "slide"):
         if name in facts and (facts[name].channels == 2 or facts[name].alpha is not Alpha.NONE):
@@ -88,6 +92,20 @@ def _reflected(p: Parameters, facts: InputFacts) -> errors.Reflected:
 
 def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     return errors.exact(_reflected(p, facts), p.material(), _texels(p, facts))
+
+
+def _and_left_out(
+    error: Callable[[Parameters, float, InputFacts], Error],
+) -> Callable[[Parameters, float, InputFacts], Error]:
+    """With what tiles leave out."""
+
+    def stated(p: Parameters, knob: float, facts: InputFacts) -> Error:
+        made = error(p, knob, facts)
+        if "tiles" not in facts or not p.faint:
+            return made
+        return dataclasses.replace(made, value=errors.finite(made.value + p.faint))
+
+    return stated
 
 
 def _texels(p: Parameters, facts: InputFacts) -> int:
@@ -133,6 +151,7 @@ lighting = Operation(
         Input("tangent", "which way the grain goes: x, y, z of any length", (3, 3), required=False, picture=False),
         Input("visibility", "share of each lamp that is seen, 1 where nothing is in the way", (1, None), False, False),
         Input("slide", "what projectors show; of any size", (1, 3), required=False),
+        listing("the lamp"),
     ),
     light=Light.LINEAR,
     footprint=lambda p, facts: POINTWISE,
@@ -160,7 +179,9 @@ def _tabled(p: Parameters, facts: InputFacts) -> str | None:
 
 @lighting.method(
     "tables",
-    error=lambda p, size, facts: errors.looked_up(_reflected(p, facts), p.material(), round(size), _texels(p, facts)),
+    error=_and_left_out(
+        lambda p, size, facts: errors.looked_up(_reflected(p, facts), p.material(), round(size), _texels(p, facts))
+    ),
     work=_work,
     rates=RATES,
     knob=Knob("size", (16, 64, 256, 1024), "entries of each table", 4, 4096),
@@ -180,7 +201,7 @@ class Tables:
 
 @lighting.method(
     "schlick",
-    error=lambda p, knob, facts: errors.schlick(_reflected(p, facts), p.material(), _texels(p, facts)),
+    error=_and_left_out(lambda p, knob, facts: errors.schlick(_reflected(p, facts), p.material(), _texels(p, facts))),
     work=_work,
     rates=RATES,
     unfit=lambda p, facts: (
@@ -221,7 +242,7 @@ def _without_areas(p: Parameters, facts: InputFacts) -> str | None:
 
 @lighting.method(
     "sparse",
-    error=_sparse_error,
+    error=_and_left_out(_sparse_error),
     work=lambda p, share, facts: _work(p.sparse(share), share, facts),
     rates=RATES,
     knob=Knob("share", (1 / 64, 1 / 16, 1 / 4, 1.0), "of the discs that make up areas", 1 / 1024, 1.0),
@@ -240,7 +261,7 @@ class Sparse:
         return on_numpy(inputs, p.sparse(share), p.material())
 
 
-@lighting.method("exact", error=_exact_error, work=_work, rates=RATES)
+@lighting.method("exact", error=_and_left_out(_exact_error), work=_work, rates=RATES)
 class Exact:
     """The formulas in float32, sixteen pixels at a time, lamp by lamp."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
@@ -11,6 +12,14 @@ from pydantic import Field
 from lichen.operation import OperationParameters
 from lichen.operations.lighting.lamps import Colour, Doubles, Kind, Lamp, Vector
 from lichen.operations.lighting.reflection import SMOOTHEST, Distribution, Fresnel, Masking, Material, Model
+
+
+@lru_cache(maxsize=64)
+def _rows(lights: tuple[Lamp, ...]) -> Doubles:
+    """Kept, since frames of one scene ask for the same: of 64 lamps they take longer than a picture without light."""
+    made = np.concatenate([lamp.rows(number) for number, lamp in enumerate(lights)])
+    made.flags.writeable = False
+    return made
 
 
 class Parameters(OperationParameters):
@@ -53,6 +62,10 @@ class Parameters(OperationParameters):
     """the direction towards a viewer at infinity"""
     local_viewer: bool = True
     """whether the viewer is at `eye`, given positions, or at infinity"""
+    effect: int = Field(0, ge=0, le=4095)
+    """the channel of `tiles` that is about the first lamp; the others follow"""
+    faint: float = Field(0.0, ge=0, le=1e6)
+    """what `tiles` leave out of the light of a pixel at most: it counts as an error"""
 
     @property
     def fresnel(self) -> Fresnel:
@@ -93,7 +106,8 @@ class Parameters(OperationParameters):
         return sum(math.prod(lamp.grid) for lamp in self.lights)
 
     def rows(self) -> Doubles:
-        return np.concatenate([lamp.rows(number) for number, lamp in enumerate(self.lights)])
+        """Of all discs; not to be written."""
+        return _rows(self.lights)
 
     def sparse(self, share: float) -> Parameters:
         """With that share of the discs of areas, one at least."""

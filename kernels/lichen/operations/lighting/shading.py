@@ -46,7 +46,8 @@ class Lit:
 
 
 def lit(images: Mapping[str, Array], task: Lit) -> Array:
-    """Radiance of shape (height, width, 3) in the task's precision; `images` are pixels of the inputs by name."""
+    """Radiance of shape (height, width, 3) in the task's precision; `images` are pixels of the inputs by name,
+    and `out` which lamps are left out, a channel for each."""
     height, width, _ = images["normal"].shape
     flat = {name: each.reshape(-1, each.shape[-1]) for name, each in images.items() if name != "slide"}
     out = aligned_empty((height * width, 3), task.kind)
@@ -118,6 +119,8 @@ def _block(some: Mapping[str, Array], task: Lit, slide: Array | None) -> Array:
         if "visibility" in some:
             seen = some["visibility"]
             light = light * seen[0 if len(seen) == 1 else int(row[Row.LAMP])]
+        if "out" in some:
+            light = np.where(some["out"][int(row[Row.LAMP])] > 0, light.dtype.type(0), light)
         total = total + light * sent
     return _there(total, some, v)
 
@@ -138,7 +141,7 @@ def _arriving(row: Doubles, some: Mapping[str, Array], task: Lit, slide: Array |
         return row[Row.PLACE : Row.PLACE + 3].astype(kind).reshape(3, 1), colour
     place = row[Row.PLACE : Row.PLACE + 3] + row[Row.REST : Row.REST + 3]
     way = _towards(place, some["position"], task)
-    square, radius = dot(way, way), kind(row[Row.RADIUS])
+    square, radius = np.maximum(dot(way, way), kind(row[Row.NEAREST])), kind(row[Row.RADIUS])
     a, b, c = row[Row.FALLOFF : Row.FALLOFF + 3].astype(kind)
     apart = square + radius
     l = unit(way)  # noqa: E741

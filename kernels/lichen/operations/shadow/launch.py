@@ -17,6 +17,7 @@ import numpy as np
 
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.operation import Inputs
+from lichen.operations.scene.lists import left_out
 from lichen.operations.scene.view import DepthKind, pointed, rays, window_terms
 from lichen.operations.shadow.comparing import BEND
 from lichen.operations.shadow.parameters import Kind, MapKind, Outside, Parameters
@@ -75,6 +76,7 @@ def launched(
         "PARALLEL": int(p.light_extent is not None), "TERMS": int(p.map_kind is not MapKind.PLANAR),
         "BITS": (1 + stored.window) if stored.bits else 0,
     }  # fmt: skip
+    out_of = left_out(inputs, p.effect, 1, height, width)
     receivers = aligned(where.pixels if pointed(where) else where.pixels[..., :1])
     with device.session() as session:
         session.launch(
@@ -86,6 +88,7 @@ def launched(
             x, y,
             np.int32(min(list(DepthKind).index(p.depth_kind), 2)), np.int32(count),
             np.int32(depths.width), np.int32(depths.height), np.int32(width), np.int32(height),
+            None if out_of is None else aligned(out_of, np.uint8),
             defines=defines,
         )  # fmt: skip
     return out

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from lichen.errors import Flaw
 from lichen.operation import Degrees, InputFacts
@@ -14,6 +15,9 @@ from lichen.operations.scene.view import View
 
 WIDEST = 32
 """Texels of a filter's side."""
+NARROWEST = 1e-3
+"""A filter's side below is 0: what a square covers of texels is the difference of its ends, and has no digits left."""
+Side = Annotated[float, Field(ge=0, le=WIDEST), AfterValidator(lambda side: side if side >= NARROWEST else 0.0)]
 
 
 class Kind(StrEnum):
@@ -58,14 +62,16 @@ class Parameters(View):
     """of a window's depth, and of depth in few bits; none: infinitely far"""
     kind: Kind = Kind.PCF
     """pcf: comparisons averaged; pcss: over as much as the penumbra is wide; variance: Chebyshev's bound"""
-    filter: float = Field(0.0, ge=0, le=WIDEST)
-    """side of the square that is averaged, texels; 0: the nearest texel alone. Of pcss: the widest"""
+    filter: Side = 0.0
+    """side of the square that is averaged, texels; 0, and below 0.001: the nearest texel alone. Of pcss: the widest"""
     source: float = Field(0.2, ge=0, le=1e6)
     """of pcss: the light's width; of light without perspective the tangent of the angle it fills"""
     slope: float = Field(1.0, ge=0, le=100)
     """without normals: the steepest receiver, depth over width, that casts no shadow on itself"""
     outside: Outside = Outside.LIT
     """beyond the map and behind the light"""
+    effect: int = Field(0, ge=0, le=4095)
+    """the channel of `tiles` that is about this light"""
 
     @property
     def light(self) -> Camera:

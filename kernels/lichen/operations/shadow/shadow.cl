@@ -13,6 +13,7 @@
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 #define SEGMENT 64
+#define TILE 32
 #define LANES 8
 #define MARGIN 64.0
 #define MOST 33 // texels across the widest filter
@@ -205,7 +206,7 @@ FN double8 sampled(light_map map, receiver r, double side, global const double *
 kernel void shadow(global const float *restrict where, global const float *restrict normals, global const float *restrict pixels,
                    global float *restrict out, global const double *restrict n, global const double *restrict places,
                    global const double *restrict xs, global const double *restrict ys, int terms, int count, int map_width,
-                   int map_height, int width, int height)
+                   int map_height, int width, int height, global const uchar *restrict left_out)
 {
     int per_row = (width + SEGMENT - 1) / SEGMENT, row = (int)get_global_id(0) / per_row;
     if (row >= height)
@@ -215,6 +216,11 @@ kernel void shadow(global const float *restrict where, global const float *restr
     for (int column = begin; column < end; column += LANES) {
         int there = min(end - column, LANES);
         ulong first = (ulong)row * width + column;
+        if (left_out && left_out[row / TILE * ((width + TILE - 1) / TILE) + column / TILE]) {
+            for (int k = 0; k < there; k++)
+                out[first + k] = 0.0f;
+            continue;
+        }
 #if POSITION
         triple p = three(where + first * 3, there);
 #else

@@ -13,7 +13,8 @@ so there is no bias to set. Without normals, `slope` says which receivers must n
 
 1 is light and 0 shadow. Points are positions in any axes, with the light in the same, or a camera's depths, with the
 light in the camera's. What is infinitely far is lit. What the map cannot show (beyond its edge, behind the light) is as
-`outside` says. Surfaces that face away are dark. NaN in the map darkens nothing: it is the result where it is read.
+`outside` says. Surfaces that face away are dark. Where `tiles` leave the light out (see the operation tiles), shares
+are 0 and the map is not read. NaN in the map darkens nothing: it is the result where it is read.
 
 Shares are computed in doubles, in one order, and rounded to float32 once: that rounding is part of the definition.
 
@@ -31,12 +32,13 @@ Variance shadow maps, 2006.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lichen.image import Extent
-from lichen.memory import Array, aligned_empty
+from lichen.memory import Array, aligned, aligned_empty
 from lichen.operation import (
     EXACT,
     ROUNDING,
@@ -53,6 +55,7 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.compositing.layers import row_blocks
+from lichen.operations.scene.lists import by_pixel, left_out, listing
 from lichen.operations.shadow.cases import CASES, EXAMPLES
 from lichen.operations.shadow.comparing import Map, receivers, share
 from lichen.operations.shadow.launch import launched
@@ -88,6 +91,7 @@ shadow = Operation(
         Input("map", "the depths that the light sees", (1, 1), picture=False),
         Input("depth", "how far from the camera each pixel is, or, of three channels, where", (1, 3), picture=False),
         Input("normal", "the points' normals, of any length", (3, 3), required=False, picture=False),
+        listing("the light, which then counts as 0,"),
     ),
     light=Light.STORED,
     footprint=_footprint,
@@ -103,7 +107,15 @@ shadow = Operation(
 @shadow.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
     height = inputs["depth"].height
-    return share(inputs, p, slice(0, height))[..., None].astype(np.float32).astype(np.float64)
+    made = share(inputs, p, slice(0, height))[..., None].astype(np.float32).astype(np.float64)
+    return _without(made, inputs, p)
+
+
+def _without(made: Array, inputs: Inputs, p: Parameters) -> Array:
+    """The shares, 0 where the light is left out."""
+    height, width, _ = made.shape
+    out = left_out(inputs, p.effect, 1, height, width)
+    return made if out is None else np.where(by_pixel(out, height, width), made.dtype.type(0), made)
 
 
 def _taps(p: Parameters) -> float:
@@ -116,11 +128,12 @@ def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
     return _receivers(facts).pixels * (2 + _taps(p))
 
 
-def _by_rows(inputs: Inputs, height: int, width: int, body: object) -> Array:
-    out = aligned_empty((height, width, 1))
-    for rows in row_blocks(height, width):
-        out[rows, :, 0] = body(rows)  # type: ignore[operator]
-    return out
+def _by_rows(inputs: Inputs, p: Parameters, body: Callable[[slice], Array]) -> Array:
+    where = inputs["depth"]
+    out = aligned_empty((where.height, where.width, 1))
+    for rows in row_blocks(where.height, where.width):
+        out[rows, :, 0] = body(rows)
+    return aligned(_without(out, inputs, p))
 
 
 @shadow.method(
@@ -138,8 +151,7 @@ class Exact:
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        where = inputs["depth"]
-        return _by_rows(inputs, where.height, where.width, lambda rows: share(inputs, p, rows))
+        return _by_rows(inputs, p, lambda rows: share(inputs, p, rows))
 
 
 def places(count: int) -> Array:
@@ -178,8 +190,7 @@ class Sampled:
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        where = inputs["depth"]
-        return _by_rows(inputs, where.height, where.width, lambda rows: _sampled(inputs, p, rows, round(knob)))
+        return _by_rows(inputs, p, lambda rows: _sampled(inputs, p, rows, round(knob)))
 
 
 def _bits_unfit(p: Parameters, facts: InputFacts) -> str | None:
@@ -212,9 +223,8 @@ class Linear:
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        where = inputs["depth"]
         stored = Stored(round(knob))
-        return _by_rows(inputs, where.height, where.width, lambda rows: share(inputs, p, rows, stored))
+        return _by_rows(inputs, p, lambda rows: share(inputs, p, rows, stored))
 
 
 @shadow.method(
@@ -236,6 +246,5 @@ class Window:
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        where = inputs["depth"]
         stored = Stored(round(knob), window=True)
-        return _by_rows(inputs, where.height, where.width, lambda rows: share(inputs, p, rows, stored))
+        return _by_rows(inputs, p, lambda rows: share(inputs, p, rows, stored))

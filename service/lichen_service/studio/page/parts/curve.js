@@ -1,6 +1,8 @@
-// A curve through points that are dragged, added by a click beside them and removed by Delete.
+// A curve through points that are dragged, added by a click beside them and removed by Delete; drawn as the parameters
+// `interpolation` and `beyond` have it.
 
 import { fill, h, s } from "../lib/dom.js";
+import { curved } from "../lib/pchip.js";
 
 const SIZE = 200;
 const GAP = 0.005;
@@ -10,6 +12,7 @@ export function curve(kind, { label, value, changed }) {
     [0, 0],
     [1, 1],
   ];
+  let way = {};
   const line = s("polyline", { class: "curve-line" });
   const marks = s("g");
   const area = s(
@@ -45,7 +48,7 @@ export function curve(kind, { label, value, changed }) {
   };
 
   function draw() {
-    line.setAttribute("points", points.map((each) => place(each).join(",")).join(" "));
+    line.setAttribute("points", curved(points, way).map((each) => place(each).join(",")).join(" "));
     const focused = [...marks.children].indexOf(document.activeElement);
     fill(
       marks,
@@ -117,5 +120,9 @@ export function curve(kind, { label, value, changed }) {
     points = now ?? points;
     draw();
   };
-  return { element: h("div", { class: "curve-box" }, area), set, group: true };
+  const beside = (value) => {
+    way = { straight: value("interpolation") === "linear", extend: value("beyond") === "extend" };
+    draw();
+  };
+  return { element: h("div", { class: "curve-box" }, area), set, beside, group: true };
 }

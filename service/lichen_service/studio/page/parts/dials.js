@@ -1,10 +1,11 @@
-// A slider for every number of a scene's lights and fog.
+// A slider for every number of a scene's lens, fog and lights.
 
 import { h } from "../lib/dom.js";
 import { controlFor } from "./controls.js";
 
 const AXES = ["x", "y", "z"];
 const MOST = 16;
+const CALLED = { "lens blur": "lens aperture" }; // how wide it is: what it blurs what is far away by, px
 
 // Nothing where the text is no JSON. `turned(scene)` hears of every change.
 export function dials(text, turned) {
@@ -14,7 +15,7 @@ export function dials(text, turned) {
   } catch {
     return null;
   }
-  const found = [...numbers(scene.lights ?? [], ["lights"]), ...numbers(scene.fog ?? {}, ["fog"])].slice(0, MOST);
+  const found = ["lens", "fog", "lights"].flatMap((each) => [...numbers(scene[each] ?? {}, [each])]).slice(0, MOST);
   return found.map(({ path, value }) => {
     const label = named(path);
     const made = controlFor(range(path, value), {
@@ -45,13 +46,14 @@ function range(path, value) {
   const reach = Math.max(6, 2 * Math.abs(value));
   return placed
     ? { kind: "number", low: -reach, high: reach }
-    : { kind: "number", low: 0, high: Math.max(4 * Math.abs(value), 1) };
+    : { kind: "number", low: 0, high: Math.max(4 * Math.abs(value), path[0] === "lens" ? 24 : 1) };
 }
 
 function named(path) {
   const [first, ...rest] = path;
   const words = first === "lights" ? [`light ${Number(rest.shift()) + 1}`] : [first];
-  return [...words, ...rest.map((each, i) => (i > 0 ? (AXES[each] ?? each) : each))].join(" ");
+  const name = [...words, ...rest.map((each, i) => (i > 0 ? (AXES[each] ?? each) : each))].join(" ");
+  return CALLED[name] ?? name;
 }
 
 function put(scene, path, value) {

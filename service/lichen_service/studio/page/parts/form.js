@@ -16,7 +16,18 @@ export function form(order, { first = [], sequence = [], changed }) {
   const late = (name) =>
     first.includes(name) ? 0 : order.properties[name].anyOf?.some((each) => each.type === "null") ? 2 : 1;
   names.sort((a, b) => late(a) - late(b)); // what may be left out comes last
-  for (const name of names) rows.set(name, row(name, order.properties[name], order, changed));
+  // Some controls show what others say: `beside` hears of every value.
+  const values = new Map(names.map((name) => [name, order.value(name)]));
+  const told = () => {
+    for (const each of rows.values()) each.beside?.((name) => values.get(name));
+  };
+  const heard = (name, value, dragging) => {
+    values.set(name, value ?? order.properties[name].default);
+    told();
+    changed(name, value, dragging);
+  };
+  for (const name of names) rows.set(name, row(name, order.properties[name], order, heard));
+  told();
   const all = [...rows.values()].map((each) => each.element);
   const count = Math.max(SHOWN, first.length);
   const rest = all.length > count + 1 ? all.slice(count) : [];
@@ -90,7 +101,7 @@ function row(name, schema, order, changed) {
     element.classList.toggle("wrong", Boolean(detail));
     inner?.setAttribute("aria-invalid", detail ? "true" : "false");
   };
-  return { element, blame };
+  return { element, blame, beside: made.beside };
 }
 
 // What a parameter is first set to that was left to the service.

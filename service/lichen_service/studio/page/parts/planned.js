@@ -11,11 +11,12 @@ import { sample } from "../lib/samples.js";
 import { account, errorOf } from "../parts/account.js";
 import { graph } from "../parts/graph.js";
 import { inputs } from "../parts/inputs.js";
+import { apart, tiles } from "../parts/over.js";
 import { problem } from "../parts/problem.js";
 import { stage } from "../parts/stage.js";
 
 // `kind` says what is written and how it is sent: { name, path, title, label, lead, hint, rows, text(preset),
-// sent(text, given), dials }.
+// sent(text, given), dials, tiled }.
 export class Planned {
   #given = {};
   #run = 0;
@@ -53,6 +54,14 @@ export class Planned {
       placeholder: "none",
       onchange: () => this.#go(),
     });
+    this.tiles = h("input", {
+      type: "checkbox",
+      class: "switch",
+      role: "switch",
+      id: "over-tiles",
+      onchange: () => this.#map(),
+    });
+    this.mapped = h("p", { class: "mapped", role: "status" });
     this.proof = h("p", { class: "proof", role: "status" });
     this.inputs = h("div");
     this.dials = h("div", { class: "dials" });
@@ -88,8 +97,10 @@ export class Planned {
             { class: "wishes" },
             h("label", { for: "pipeline-error" }, "max_error"),
             this.error,
-            this.all,
-            h("label", { for: "run-all" }, "run everything (prune=false)"),
+            h("span", { class: "pair" }, this.all, h("label", { for: "run-all" }, "run everything (prune=false)")),
+            kind.tiled
+              ? h("span", { class: "pair" }, this.tiles, h("label", { for: "over-tiles" }, "show lights per tile"))
+              : null,
             h(
               "button",
               { type: "button", class: "plain", onclick: () => this.#prove() },
@@ -97,6 +108,7 @@ export class Planned {
             ),
             h("button", { type: "button", class: "main", onclick: () => this.#go() }, "Run"),
           ),
+          this.mapped,
           this.proof,
           this.inputs,
           kind.dials ? null : seen,
@@ -212,7 +224,8 @@ export class Planned {
       const result = await picture.look();
       if (mine !== this.#run) return;
       this.result = picture;
-      this.stage.show({ result, floats: null });
+      this.stage.show({ result, floats: null, overlay: null });
+      this.#map(mine);
       fill(this.account, account(response.headers, took));
       fill(this.graph, graph(plan, measured(response.headers.get("Server-Timing"))));
       const first = Object.values(this.#given)[0];
@@ -226,6 +239,7 @@ export class Planned {
 
   // Runs the pipeline once as planned and once with nothing left out, and tells how far apart the two are, sample by sample.
   async #prove() {
+    const mine = this.#run;
     fill(this.proof, "running both …");
     try {
       const [planned, whole] = await Promise.all(
@@ -234,15 +248,31 @@ export class Planned {
           return { headers: response.headers, ...read(await response.arrayBuffer()) };
         }),
       );
-      const apart = difference(planned.data, whole.data);
+      const { most, overlay } = await apart(planned, whole);
       const sum = [planned, whole].reduce((before, each) => before + errorOf(each.headers).value, 0);
       fill(
         this.proof,
-        `As planned and with everything run, the results differ by ${apart ? short(apart) : "nothing"}; each promises to be off by so little that they may differ by ${short(sum)}.`,
+        `As planned and with everything run, the results differ by ${most ? short(most) : "nothing"}; each promises to be off by so little that they may differ by ${short(sum)}.${most ? " Over the picture: where, white where it is most, down to a millionth of that." : ""}`,
       );
+      if (mine === this.#run) this.stage.show({ overlay: most ? overlay : null, opacity: 1 });
     } catch (failure) {
       fill(this.proof);
       this.#fail(failure);
+    }
+  }
+
+  // Lays over the picture how many lights each tile looks at, and says why not the others.
+  async #map(mine = this.#run) {
+    fill(this.mapped);
+    if (!this.kind.tiled || !this.tiles.checked) return this.stage.show({ overlay: null });
+    try {
+      const { overlay, words } = await tiles(await this.#ask([["explain", "map"]], { Accept: "multipart/mixed" }, true));
+      if (mine !== this.#run || !this.tiles.checked) return undefined;
+      fill(this.mapped, words);
+      return this.stage.show({ overlay, opacity: 0.72 });
+    } catch (failure) {
+      if (mine === this.#run) fill(this.mapped, `No map: ${failure.errors?.[0]?.detail ?? failure.message}.`);
+      return undefined;
     }
   }
 
@@ -263,17 +293,6 @@ export class Planned {
     fill(this.trouble, problem(failure));
     this.stage.busy(false);
   }
-}
-
-// The largest difference; samples that are not finite count where only one of them is.
-function difference(a, b) {
-  let most = 0;
-  for (let i = 0; i < a.length; i += 1) {
-    if (Object.is(a[i], b[i])) continue;
-    const apart = Math.abs(a[i] - b[i]);
-    most = Math.max(most, Number.isNaN(apart) ? Infinity : apart);
-  }
-  return most;
 }
 
 // Milliseconds by node.

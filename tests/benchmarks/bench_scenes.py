@@ -1,0 +1,150 @@
+"""Effects of scenes one by one, and what leaving lamps out of tiles is worth.
+
+Frames of 640 x 480 (1280 x 1024 where it says so) by the methods of one operation on a device, kernels and everything
+that they need for a frame, without decoding and encoding; the seeds' figures are of an SGI workstation of 1998. Whole
+scenes are rendered from buffers, pruned and with everything run in turn.
+
+Run: python tests/benchmarks/bench_scenes.py
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+import lichen
+from lichen.image import Image, Space
+from lichen.memory import aligned
+from lichen.opencl.device import default_device
+
+CAMERA: dict[str, Any] = {"eye": [0, 3, 7], "target": [0, 0, -1], "fov": 45}
+OBJECTS = [
+    {"shape": "plane"},
+    {"shape": "sphere", "centre": [0, 0.8, 0], "radius": 0.8, "albedo": [0.7, 0.2, 0.1]},
+    {"shape": "box", "centre": [1.7, 0.4, -1], "size": [0.8, 0.8, 0.8], "turn": 20},
+]
+ROUNDS = 40
+AIMS = {
+    "Euclidean fog": (1500, 15),
+    "layered fog": (1000, 12),
+    "shadow, 1 texel": (600, 15),
+    "shadow, 16 texels": (150, None),
+    "Torrance-Sparrow": (300, 20),
+    "mirror, Fresnel, diffuse, 1280x1024": (60, 20),
+    "normal-mapped environment": (600, None),
+}
+
+
+def buffers(width: int, height: int, *names: str) -> dict[str, Image]:
+    size = {"width": width, "height": height}
+    return {
+        name: lichen.run("gbuffer", objects=OBJECTS, buffer=name, frame="world", **CAMERA, **size).image
+        for name in names
+    }
+
+
+def frame(
+    name: str, inputs: Mapping[str, Image], method: str = "exact", knob: float = 0.0, **values: Any
+) -> Callable[[], Any]:
+    operation, device = lichen.operations()[name], default_device()
+    assert device is not None, "there is no OpenCL device"
+    parameters, body = operation.validate(values), operation.methods[method].implementation
+    return lambda: body.opencl(device, inputs, parameters, knob)
+
+
+def frames() -> dict[str, Callable[[], Any]]:
+    seen = buffers(640, 480, "position", "normal", "distance")
+    rng = np.random.default_rng(3)
+    picture = Image(aligned(rng.random((480, 640, 3), np.float32)), Space.LINEAR)
+    light = {"light_eye": [3, 6, 4], "light_target": [0, 0, 0], "light_fov": 60}
+    camera = {"eye": light["light_eye"], "target": [0, 0, 0], "fov": 60, "width": 1024, "height": 1024}
+    depths = lichen.run("gbuffer", objects=OBJECTS, buffer="depth", **camera).image
+    placed = {"map": depths, "depth": seen["position"], "normal": seen["normal"]}
+    large = buffers(1280, 1024, "normal", "position")
+    sky = Image(aligned(rng.random((512, 1024, 3), np.float32)), Space.LINEAR)
+    bent = aligned(seen["normal"].pixels + 0.1 * rng.standard_normal((480, 640, 3)).astype(np.float32))
+    lamp = {"kind": "point", "position": [3, 6, 4], "intensity": 30}
+    shown = {"normal": large["normal"], "position": large["position"], "environment": sky, "irradiance": sky}
+    return {
+        "Euclidean fog": frame("fog", {"image": picture, "depth": seen["distance"]}, depth_kind="euclidean"),
+        "layered fog": frame(
+            "fog", {"image": picture, "depth": seen["position"]}, kind="layered", heights=[0, 0.5, 1, 2, 4],
+            densities=[0.4, 0.1, 0.3, 0.1, 0], eye=CAMERA["eye"],
+        ),
+        "shadow, 1 texel": frame("shadow", placed, **light),
+        "shadow, 16 texels": frame("shadow", placed, "sampled", 16.0, **light, filter=4),
+        "Torrance-Sparrow": frame(
+            "lighting", {"normal": seen["normal"], "position": seen["position"]}, lights=[lamp], eye=CAMERA["eye"]
+        ),
+        "mirror, Fresnel, diffuse, 1280x1024": frame(
+            "reflection", shown, chart="latlong", fresnel="dielectric", eye=CAMERA["eye"], coated=True
+        ),
+        "normal-mapped environment": frame(
+            "reflection", {"normal": Image(bent), "environment": sky}, "nearest", chart="latlong"
+        ),
+    }  # fmt: skip
+
+
+def spots(count: int, outer: float) -> list[dict[str, Any]]:
+    """As many cones, evenly over the floor that is seen."""
+    side = round(count**0.5)
+    return [
+        {
+            "kind": "spot", "position": [float(x), 2.5, float(z)], "direction": [0, -1, 0], "inner": outer / 2,
+            "outer": outer, "intensity": 6,
+        }
+        for x in np.linspace(-3.5, 3.5, side) for z in np.linspace(-5, 2.5, side)
+    ]  # fmt: skip
+
+
+def scenes() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
+    shiny = {"model": "torrance_sparrow", "facet_roughness": 0.4}
+    base = {"camera": {"eye": CAMERA["eye"], "fov": 45}, "surface": shiny}
+    base |= {"buffers": {name: name for name in ("position", "normal", "albedo")}}
+    points = [
+        {"kind": "point", "position": [x, 4, z], "intensity": 2}
+        for x in (-5, -4, -3, -2, -1, 1, 2, 3, 4, 5, 6, 7) for z in (-5, -3, -1, 1)
+    ]  # fmt: skip
+    clear = {"density": 0.03, "colour": [0.5, 0.6, 0.7]}
+    half = {"kind": "linear", "start": 2, "end": 7.3, "colour": [0.5, 0.6, 0.7]}
+    return {
+        "64 lights of 5 %": ({**base, "lights": spots(64, 20)}, {}),
+        "fog, half hidden": ({**base, "lights": points, "fog": half}, {"storage": "uint8"}),
+        "everything is seen": ({**base, "lights": points, "fog": clear}, {"storage": "uint8"}),
+    }
+
+
+def main() -> None:
+    chosen = sys.argv[1:]
+    print("| effect | seeds, fps | aim, fps | here, fps | ms |\n|---|---|---|---|---|")
+    if not chosen or "frames" in chosen:
+        for name, work in frames().items():
+            work()
+            taken = []
+            for _ in range(ROUNDS):
+                began = time.perf_counter()
+                work()
+                taken.append(time.perf_counter() - began)
+            median = float(np.median(taken))
+            aim, seed = AIMS[name]
+            print(f"| {name} | {seed or '-'} | {aim} | {1 / median:.0f} | {median * 1e3:.2f} |", flush=True)
+    images = buffers(640, 480, "position", "normal", "albedo")
+    for name, (scene, wishes) in scenes().items():
+        taken: dict[bool, list[float]] = {True: [], False: []}
+        for turn in range(13):
+            for prune in taken:
+                result = lichen.render(scene, images=images, prune=prune, **wishes)
+                if turn:
+                    taken[prune].append(result.timing["kernel"] + result.timing.get("findings", 0.0))
+                if prune:
+                    left = [each.reason for each in result.decisions if each.pass_ == "tiles"]
+        pruned, whole = (float(np.median(taken[prune])) for prune in (True, False))
+        print(f"{name}: {whole / pruned:.2f}x, {pruned * 1e3:.2f} ms pruned, {whole * 1e3:.2f} ms whole; {left}")
+
+
+if __name__ == "__main__":
+    main()
