@@ -1737,7 +1737,7 @@ class Operations(Generic[R]):
         direction: whether the bend is taken out or put in; default "undistort"
         k: radial coefficients, of even powers from the square up; default [-0.1]
         p: tangential coefficients of brown_conrady; default [0.0, 0.0]
-        focal: focal length; half the diagonal if left out; above 0, at most 1000000; px
+        focal: focal length; half the diagonal if left out; at least 0.001, at most 1000000; px
         centre: of the distortion; shares of width and height; default [0.5, 0.5]
         points: samples along each axis of an ellipse; 2 to 16; a knob
         samples: samples of the pyramid's level along half the shorter axis; 1 to 8; a knob

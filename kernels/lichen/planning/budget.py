@@ -114,13 +114,32 @@ def _by_time(offer: Candidate) -> tuple[float, float]:
 
 
 def _searched(problem: Problem, choices: Choices, measure: Measure) -> Choices:
-    for name in sorted(choices, key=lambda name: -choices[name].seconds):
-        for offer in sorted(problem.usable[name], key=_by_time):
-            trial = {**choices, name: offer}
+    for names in sorted(_alike(problem), key=lambda names: -choices[names[0]].seconds):
+        for offer in sorted(problem.usable[names[0]], key=_by_time):
+            trial = {**choices, **dict.fromkeys(names, offer)}
             if problem.excess(trial, measure) <= 1:
                 choices = trial
                 break
     return choices
+
+
+def _alike(problem: Problem) -> list[list[str]]:
+    """The nodes, together where they do the same with sources that are alike: equal pictures stay equal."""
+    groups: list[tuple[Node, list[str]]] = []
+    for node in problem.graph.nodes:
+        own = problem.usable[node.name]
+        for first, names in groups:
+            same = (node.operation is first.operation) and node.parameters == first.parameters
+            if same and _of_sources(problem, node) and _of_sources(problem, first) and own == problem.usable[first.name]:
+                names.append(node.name)
+                break
+        else:
+            groups.append((node, [node.name]))
+    return [names for _, names in groups]
+
+
+def _of_sources(problem: Problem, node: Node) -> bool:
+    return all(source in problem.graph.sources for source in node.inputs.values())
 
 
 def _divided(problem: Problem, choices: Choices, measure: Measure) -> Choices:

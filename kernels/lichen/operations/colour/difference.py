@@ -83,11 +83,11 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
 
 
 def lab(pixels: Array, p: Parameters) -> Array:
-    """L*a*b* of the first three channels, float64."""
+    """L*a*b* of the first three channels, float64; sums written out, since equal pixels are to have equal bits."""
     colours = pixels[..., :3].astype(np.float64)
     if p.source is Source.LAB:
         return colours
-    x, y, z = LIGHTNESS.run(list(np.moveaxis(colours @ TO_RATIO.T, -1, 0)))
+    x, y, z = LIGHTNESS.run([sum(colours[..., i] * share for i, share in enumerate(row)) for row in TO_RATIO])
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
 
 

@@ -83,7 +83,10 @@ def widened(source: Source, sphere: Sphere) -> Source:
         own = source.pixels[row * tall : (row + 1) * tall, column * wide : (column + 1) * wide]
         part[margin : margin + tall, margin : margin + wide] = own
         outside = ~sphere.holds(s, t)
-        part[outside] = _shown(source, sphere, s[outside], t[outside], face, (wide, tall))
+        if FACES.get(chart, ())[face : face + 1] == (NOTHING,):
+            part[outside] = source.value  # nobody looks there
+        else:
+            part[outside] = _shown(source, sphere, s[outside], t[outside], face, (wide, tall))
     return Source(canvas, Border.CLAMP, source.value)
 
 
