@@ -28,9 +28,8 @@ from lichen.opencl.device import Device, default_device, status
 from lichen.opencl.extent import extent as device_extent
 from lichen.operation import Error, Facts
 from lichen.order import BACKENDS, Order, Picture, read_order, read_pipeline_order
-from lichen.part import Rectangle
 from lichen.planning.graph import RESULT, Decision, Graph
-from lichen.planning.hidden import thin_part
+from lichen.planning.hidden import thin
 from lichen.planning.pipeline import Pipeline
 from lichen.planning.plan import Plan, make_plan
 from lichen.verification import Verification, verify
@@ -344,7 +343,8 @@ def _prepared(read: Callable[[str], Order], named: str | None, decided: tuple[De
         facts = {key: Facts.of(_measured(value, device)) for key, value in order.images.items()}
         order.refuse_flaws(facts)
         request = dataclasses.replace(order.request, rates=times.current(order.request.backend))
-        graph = Graph(facts, order.nodes, order.outputs, decided, order.precision, thin=_thin(order))
+        hiding = thin(order.nodes, order.images, prune=order.request.prune)
+        graph = Graph(facts, order.nodes, order.outputs, decided, order.precision, thin=hiding)
         plan = make_plan(graph, request)
         return Prepared(order, plan, time.perf_counter() - started, device, None if named else on)
 
@@ -355,19 +355,6 @@ def _prepared(read: Callable[[str], Order], named: str | None, decided: tuple[De
         if named is not None or found is None:
             raise
         return on(None)
-
-
-def _thin(order: Order) -> dict[str, Rectangle]:
-    """The parts of pictures outside which they hide what is below, if they lie on anything."""
-    upper = {
-        source
-        for node in order.nodes
-        if len(node.inputs) > 1 and order.request.prune
-        for source in node.inputs.values()
-        if source in order.images and node.operation.hides is not None
-    }
-    found = {source: thin_part(order.images[source]) for source in sorted(upper)}
-    return {source: part for source, part in found.items() if part is not None}
 
 
 def _execute(prepared: Prepared, *further: Decision) -> dict[str, Result]:

@@ -125,7 +125,7 @@ def _add(group: Any, name: str, field: Mapping[str, Any], required: bool) -> Non
     default = field.get("default")
     facts.append("required" if required else "" if default is None else f"default {json.dumps(default)}")
     help = "; ".join([field.get("description", ""), *filter(None, facts)]).removeprefix("; ")
-    if field.get("type") == "boolean":
+    if any(each.get("type") == "boolean" for each in (field, *field.get("anyOf", ()))):
         group.add_argument(_flag(name), dest=name, action=argparse.BooleanOptionalAction, help=_percent(help))
         return
     kind = kind_of(field)

@@ -129,8 +129,9 @@ def _alike(problem: Problem) -> list[list[str]]:
     for node in problem.graph.nodes:
         own = problem.usable[node.name]
         for first, names in groups:
-            same = (node.operation is first.operation) and node.parameters == first.parameters
-            if same and _of_sources(problem, node) and _of_sources(problem, first) and own == problem.usable[first.name]:
+            same = node.operation is first.operation and node.parameters == first.parameters
+            begin = _of_sources(problem, node) and _of_sources(problem, first)
+            if same and begin and own == problem.usable[first.name]:
                 names.append(node.name)
                 break
         else:

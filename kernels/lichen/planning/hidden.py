@@ -10,7 +10,7 @@ Coverage is not changed by light or association, so a source's opaque part is al
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydantic import Field
@@ -98,6 +98,19 @@ class Exact:
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
         return aligned(_patched(inputs, p, aligned_empty(inputs["image"].pixels.shape)))
+
+
+def thin(nodes: Sequence[Node], images: Mapping[str, Image], *, prune: bool) -> dict[str, Rectangle]:
+    """The parts of pictures outside which they hide what is below, if they lie on anything."""
+    upper = {
+        source
+        for node in nodes
+        if len(node.inputs) > 1 and prune and node.operation.hides is not None
+        for source in node.inputs.values()
+        if source in images
+    }
+    found = {source: thin_part(images[source]) for source in sorted(upper)}
+    return {source: part for source, part in found.items() if part is not None}
 
 
 def thin_part(image: Image) -> Rectangle | None:

@@ -51,7 +51,11 @@ class Parameters(WarpParameters):
     )
     p: tuple[Coefficient, Coefficient] = Field((0.0, 0.0), description="tangential coefficients of brown_conrady")
     focal: float | None = Field(
-        None, ge=1e-3, le=1e6, description="focal length; half the diagonal if left out", json_schema_extra={"unit": "px"}
+        None,
+        ge=1e-3,
+        le=1e6,
+        description="focal length; half the diagonal if left out",
+        json_schema_extra={"unit": "px"},
     )
     centre: tuple[float, float] = Field((0.5, 0.5), description="of the distortion; shares of width and height")
 
