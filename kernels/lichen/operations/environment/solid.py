@@ -59,7 +59,7 @@ def _cell(chart: Chart, tall: int, wide: int) -> Array:
 
 @lru_cache(maxsize=8)
 def sphere(chart: Chart, height: int, width: int) -> tuple[Array, Array]:
-    """Directions (height, width, 3) and solid angles (height, width) of an image's pixels. Angles are 0 where a pixel
+    """Directions (height, width, 3) and solid angles (height, width) of an image's pixels. Both are 0 where a pixel
     shows nothing; a direction is that of its centre, or on a rim of the place within it next to that."""
     across, down = LAYOUT[chart]
     tall, wide = height // down, width // across
@@ -74,7 +74,9 @@ def sphere(chart: Chart, height: int, width: int) -> tuple[Array, Array]:
         over = s * s + t * t > 1
         s, t = np.where(over, s * (1 - 1e-15), s), np.where(over, t * (1 - 1e-15), t)
     d = np.stack(np.broadcast_arrays(*charts.direction(s, t, face)), axis=-1) * np.diag(TO_CHART)
-    angle = np.where(charts.shows(face), np.tile(_cell(chart, tall, wide), (down, across)), 0.0)
+    shows = charts.shows(face)
+    d = np.where(shows[..., None], d, 0.0)
+    angle = np.where(shows, np.tile(_cell(chart, tall, wide), (down, across)), 0.0)
     angle *= 4 * math.pi / angle.sum()
     for each in (d, angle):
         each.flags.writeable = False

@@ -154,7 +154,7 @@ def _seen(inputs: Inputs, p: Parameters, spacing: float) -> Array:
     total, whole = (np.zeros((image.height, image.width), kind) for _ in range(2))
     with np.errstate(all="ignore"):
         if "normal" in inputs:
-            n = unit(inputs["normal"].pixels.astype(kind, copy=False))
+            n = inputs["normal"].pixels.astype(kind, copy=False)
             n = unit(np.concatenate([n[..., :2], np.where(n[..., 2:] <= 0, kind(0), n[..., 2:])], axis=-1))
         for k in range(ring.directions):
             if "normal" not in inputs:

@@ -90,8 +90,7 @@ kernel void occlusion(global const float *restrict around, global const int *res
     if (normal) {
         float16 v[3];
         planes_load(normal + ((size_t)row * width + column) * 3, 3, 3, count, v);
-        n = vector_unit(vector(v[0], v[1], v[2]));
-        n = vector_unit(vector(n.x, n.y, n.z <= 0.0f ? none : n.z));
+        n = vector_unit(vector(v[0], v[1], v[2] <= 0.0f ? none : v[2]));
     }
     for (int k = 0; k < directions; k++) {
         float16 along = fma(n.x, turns[2 * k], n.y * turns[2 * k + 1]);

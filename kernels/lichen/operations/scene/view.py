@@ -31,6 +31,8 @@ from lichen.image import Image
 from lichen.memory import Array
 from lichen.operation import Degrees, Facts, OperationParameters
 
+FLOAT_MAX = float(np.finfo(np.float32).max)
+
 
 class DepthKind(StrEnum):
     """What a depth buffer holds."""
@@ -80,7 +82,7 @@ def rays(p: View, height: int, width: int) -> tuple[Array, Array]:
 
 
 def planar(depth: Array, p: View, x: Array, y: Array) -> Array:
-    """Planar depths of stored ones, float64 of one shape with x and y."""
+    """Planar depths of stored ones, float64 of one shape with x and y; infinite where float32 holds no such number."""
     if p.depth_kind is DepthKind.PLANAR:
         return depth
     with np.errstate(all="ignore"):
@@ -89,7 +91,8 @@ def planar(depth: Array, p: View, x: Array, y: Array) -> Array:
             return made
         scale, divisor = window_terms(p)
         below = divisor[0] + divisor[1] * depth
-        return np.where(below <= 0, np.inf, scale / below)
+        made = scale / below
+        return np.where((below <= 0) | (made > FLOAT_MAX), np.inf, made)
 
 
 def window_terms(p: View) -> tuple[float, tuple[float, float]]:

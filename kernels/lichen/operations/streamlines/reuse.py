@@ -84,7 +84,7 @@ def portions(keys: Keys, task: Task, distance: float) -> Iterator[tuple[Array, R
     if not keys.any():
         return
     step, window = step_of(task, distance)
-    farthest = min(2 * window, int(max(task.width, task.height) / step) + 1)
+    farthest = int(min(2 * window, max(task.width, task.height) / step + 1))
     shared, own = Reach(step, window, farthest), Reach(step, window, 0)
     rows, columns = np.arange(task.height), np.arange(task.width)
     side = next(side for least, side in LATTICES if keys.size >= least)

@@ -91,13 +91,13 @@ def hable(white: float) -> Rational:
 @lru_cache(maxsize=64)
 def rational(operator: Operator, white: float) -> Rational:
     """The curve of every operator but the fit between matrices."""
-    if operator is Operator.REINHARD:
+    if operator == Operator.REINHARD:
         return Rational(0.0, 1.0, 0.0, 1.0, 1.0)
-    if operator is Operator.REINHARD_EXTENDED:
+    if operator == Operator.REINHARD_EXTENDED:
         return Rational(1 / white**2, 1.0, 0.0, 1.0, 1.0)
-    if operator is Operator.HABLE:
+    if operator == Operator.HABLE:
         return hable(white)
-    if operator is Operator.ACES_NARKOWICZ:
+    if operator == Operator.ACES_NARKOWICZ:
         return Rational(2.51, 0.03, 2.43, 0.59, 0.14)
     return Rational(0.0, 1.0, 0.0, 0.0, 1.0)
 
@@ -123,6 +123,6 @@ def hill(x: Array) -> Array:
 def steepest(operator: Operator, white: float) -> tuple[float, float]:
     """Upper bounds of |y'| and of |(y / x)'|, from differences over steps of half a percent, and a margin."""
     x = np.concatenate([[0.0], np.geomspace(1e-6, 1e8, 6400)])
-    curve = hill if operator is Operator.ACES_HILL else rational(operator, white)
+    curve = hill if operator == Operator.ACES_HILL else rational(operator, white)
     slopes = [np.abs(np.diff(values) / np.diff(x)).max() for values in (curve(x), rational(operator, white).gain(x))]
     return 1.02 * float(slopes[0]), 1.02 * float(slopes[1])

@@ -180,5 +180,6 @@ def _from_cube(s: Doubles, t: Doubles, face: Doubles) -> Vectors:
     x = np.select([face == AHEAD, face == BEHIND, face == RIGHT, face == LEFT], [s, -s, one, -one], s)
     y = np.select([face == UP, face == DOWN], [-one, one], t)
     z = np.select([face == AHEAD, face == BEHIND, face == RIGHT, face == LEFT, face == UP], [one, -one, -s, s, t], -t)
-    length = np.where(face == NOTHING, np.nan, np.sqrt(x * x + y * y + z * z))
+    length = np.sqrt(x * x + y * y + z * z)
+    length = np.where(length > 0, length, np.nan)  # the middle of a cell without a face
     return x / length, y / length, z / length

@@ -56,7 +56,10 @@ class Parameters(WarpParameters):
     phase: float = Field(0.0, ge=-1e6, le=1e6, description="of a ripple, or the height of the haze, in whole periods")
     angle: Degrees = Field(90.0, ge=-1e5, le=1e5, description="of a swirl at its centre")
     reach: float | None = Field(
-        None, gt=0, le=1e6, description="where a swirl ends (half the smaller side if left out), or a ripple fades, px"
+        None,
+        ge=1e-3,
+        le=1e6,
+        description="where a swirl ends (half the smaller side if left out), or a ripple fades, px",
     )
     centre: tuple[float, float] = Field((0.5, 0.5), description="shares of width and height")
     seed: int = Field(0, ge=0, le=2**32 - 1, description="of the haze")

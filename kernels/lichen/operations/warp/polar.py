@@ -27,6 +27,9 @@ from lichen.operations.warp.prediction import Size
 from lichen.operations.warp.reference import Closed
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
 
+APART = 1e-6
+"""px; what radii differ by at least, so that no row is wider than a double can tell."""
+
 
 class Direction(StrEnum):
     """Which way."""
@@ -111,10 +114,10 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     image = facts["image"]
     picture = (image.width, image.height) if p.direction is Direction.FORWARD else own_size(p, facts)
     inner, outer = _radii(p, picture)
-    if p.log and inner <= 0:
-        return [Flaw("/parameters/inner", "must be above 0 where rows are even in its logarithm")]
-    if inner >= outer * (1 - 1e-9):
-        return [Flaw("/parameters/inner", f"must be below outer, which is {outer:g}")]
+    if p.log and inner < APART:
+        return [Flaw("/parameters/inner", f"must be {APART:g} or more where rows are even in its logarithm")]
+    if inner > outer * (1 - 1e-9) - APART:
+        return [Flaw("/parameters/inner", f"must be {APART:g} or more below outer, which is {outer:g}")]
     return []
 
 
