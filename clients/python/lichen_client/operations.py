@@ -1026,7 +1026,8 @@ class Operations(Generic[R]):
         phase: of a ripple, or the height of the haze, in whole periods; at least -1000000, at most 1000000; default
             0.0
         angle: of a swirl at its centre; at least -100000, at most 100000; deg; default 90.0
-        reach: where a swirl ends (half the smaller side if left out), or a ripple fades, px; above 0, at most 1000000
+        reach: where a swirl ends (half the smaller side if left out), or a ripple fades, px; at least 0.001, at most
+            1000000
         centre: shares of width and height; default [0.5, 0.5]
         seed: of the haze; at least 0, at most 4294967295; default 0
         octaves: of the haze: noises of ever smaller cells that are added; at least 1, at most 12; default 1
