@@ -21,7 +21,7 @@
 // ---------------------------------------------------------------------------------------------- the whole
 
 // From the table; above its last node, and for NaN, computed.
-inline float16 looked_up(float16 a, global const float *k, global const float2 *table, int first, int last, int shift)
+static inline __attribute__((always_inline)) float16 looked_up(float16 a, global const float *k, global const float2 *table, int first, int last, int shift)
 {
     float16 y = lookup(a, table, first, last, shift);
     int16 outside = as_int16(a) > last;
@@ -29,7 +29,7 @@ inline float16 looked_up(float16 a, global const float *k, global const float2 *
 }
 
 // Everything around the curve and the coverage channel. `at` is the first sample's place in the picture.
-inline float16 finished(float16 x, float16 a, float16 y, global const float *k, ulong at)
+static inline __attribute__((always_inline)) float16 finished(float16 x, float16 a, float16 y, global const float *k, ulong at)
 {
     y = ended(x, a, y, k);
 #if COVERAGE
@@ -39,7 +39,7 @@ inline float16 finished(float16 x, float16 a, float16 y, global const float *k, 
     return y;
 }
 
-inline float16 load(global const float *in, ulong at, ulong samples)
+static inline __attribute__((always_inline)) float16 load(global const float *in, ulong at, ulong samples)
 {
     if (at + WIDTH <= samples)
         return vload16(0, in + at);
@@ -49,7 +49,7 @@ inline float16 load(global const float *in, ulong at, ulong samples)
     return vload16(0, rest);
 }
 
-inline void store(float16 y, global float *out, ulong at, ulong samples)
+static inline __attribute__((always_inline)) void store(float16 y, global float *out, ulong at, ulong samples)
 {
     if (at + WIDTH <= samples) {
         vstore16(y, 0, out + at);
