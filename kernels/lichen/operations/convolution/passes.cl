@@ -1,8 +1,7 @@
 // Separable convolution in two passes over rows of floats, channels interleaved.
 //
 // columns: down the image. A strip of 32 floats is first gathered into private memory, so that images whose rows lie a
-//   power of two apart do not fight for the same cache sets; then BLOCK output rows share each load, as many as there are
-//   registers for: sums that live in memory took half as long again.
+//   power of two apart do not fight for the same cache sets; then BLOCK output rows share each load.
 // margins: continues the rows left and right, after which no kernel has to know about borders.
 // rows: along the image, from a padded row; 64 floats at a time with four independent sums.
 //
@@ -10,70 +9,13 @@
 //
 // No zero weight is ever multiplied with a sample: 0 x NaN would carry NaN beyond the kernel.
 
-#ifdef __AVX512F__
-#define BLOCK 8
-#define VECTORS 2
-#else
-#define BLOCK 4
-#define VECTORS 1
-#endif
+#include "strips.clh"
+
 #define STRIP 32
-#define LANES (16 * VECTORS)
 #define BAND 64
 #define CHUNK 128
 #define SEGMENT 64
 #define RUN 1024
-
-// Neighbours that are summed at once, in registers.
-typedef struct {
-    float16 v[VECTORS];
-} Lanes;
-
-inline __attribute__((always_inline)) Lanes staged_at(const float *from)
-{
-    Lanes a;
-    #pragma unroll
-    for (int k = 0; k < VECTORS; k++)
-        a.v[k] = vload16(k, from);
-    return a;
-}
-
-inline __attribute__((always_inline)) void tap(Lanes *sum, float weight, Lanes a)
-{
-    #pragma unroll
-    for (int k = 0; k < VECTORS; k++)
-        sum->v[k] = fma((float16)(weight), a.v[k], sum->v[k]);
-}
-
-// BLOCK rows of sums from staged rows, from the first of them on.
-inline __attribute__((always_inline)) void block(Lanes *sums, const float *p, __global const float *weights, int count)
-{
-    #pragma unroll
-    for (int i = 0; i < BLOCK; i++)
-        #pragma unroll
-        for (int k = 0; k < VECTORS; k++)
-            sums[i].v[k] = (float16)0.0f;
-    #pragma unroll
-    for (int t = 0; t < BLOCK - 1; t++) {
-        Lanes a = staged_at(p + t * STRIP);
-        #pragma unroll
-        for (int i = 0; i <= t; i++)
-            tap(sums + i, weights[t - i], a);
-    }
-    for (int t = BLOCK - 1; t < count; t++) {
-        Lanes a = staged_at(p + t * STRIP);
-        #pragma unroll
-        for (int i = 0; i < BLOCK; i++)
-            tap(sums + i, weights[t - i], a);
-    }
-    #pragma unroll
-    for (int s = 0; s < BLOCK - 1; s++) {
-        Lanes a = staged_at(p + (count + s) * STRIP);
-        #pragma unroll
-        for (int i = s + 1; i < BLOCK; i++)
-            tap(sums + i, weights[count + s - i], a);
-    }
-}
 
 inline void store_strip(__global float *out, const float *sums, int count, int accumulate)
 {
@@ -112,8 +54,13 @@ __kernel void columns(__global const float *restrict in, __global const int *res
     if (count >= BLOCK) {
         for (; j + BLOCK <= rows; j += BLOCK)
             for (int x0 = 0; x0 < STRIP; x0 += LANES) {
-                Lanes sums[BLOCK];
-                block(sums, stage + j * STRIP + x0, weights, count);
+                Strip sums[BLOCK];
+                #pragma unroll
+                for (int i = 0; i < BLOCK; i++)
+                    #pragma unroll
+                    for (int k = 0; k < VECTORS; k++)
+                        sums[i].v[k] = (float16)0.0f;
+                long_run(stage + j * STRIP + x0, STRIP, weights, sums, count);
                 #pragma unroll
                 for (int i = 0; i < BLOCK; i++) {
                     __global float *to = row + (size_t)(j + i) * out_stride + x0;

@@ -8,14 +8,7 @@
 //
 // A zero tap is in no run, so no NaN leaves the taps that are there. `width` and all strides count floats.
 
-#ifdef __AVX512F__
-#define BLOCK 8
-#define VECTORS 2
-#else
-#define BLOCK 4
-#define VECTORS 1
-#endif
-#define LANES (16 * VECTORS)
+#include "strips.clh"
 
 // A store that does not fetch what it overwrites.
 #if defined(__has_builtin)
@@ -26,27 +19,6 @@
 #ifndef STREAM
 #define STREAM(vector, to) (*(to) = (vector))
 #endif
-
-// A row of the stage: one vector or two.
-typedef struct {
-    float16 v[VECTORS];
-} Strip;
-
-inline __attribute__((always_inline)) Strip staged(const float *from)
-{
-    Strip s;
-    #pragma unroll
-    for (int k = 0; k < VECTORS; k++)
-        s.v[k] = vload16(k, from);
-    return s;
-}
-
-inline __attribute__((always_inline)) void one(Strip *sum, float weight, Strip s)
-{
-    #pragma unroll
-    for (int k = 0; k < VECTORS; k++)
-        sum->v[k] = fma((float16)(weight), s.v[k], sum->v[k]);
-}
 
 // A run of `count` < BLOCK taps; `count` is a literal where this is called, so that everything unrolls.
 inline __attribute__((always_inline)) void short_run(const float *p, int stride, __global const float *weights,
@@ -59,31 +31,6 @@ inline __attribute__((always_inline)) void short_run(const float *p, int stride,
         for (int i = 0; i < BLOCK; i++)
             if (s - i >= 0 && s - i < count) 
                 one(sums + i, weights[s - i], a);
-    }
-}
-
-inline __attribute__((always_inline)) void long_run(const float *p, int stride, __global const float *weights,
-                                                    Strip *sums, int count)
-{
-    #pragma unroll
-    for (int t = 0; t < BLOCK - 1; t++) {
-        Strip a = staged(p + t * stride);
-        #pragma unroll
-        for (int i = 0; i <= t; i++)
-            one(sums + i, weights[t - i], a);
-    }
-    for (int t = BLOCK - 1; t < count; t++) {
-        Strip a = staged(p + t * stride);
-        #pragma unroll
-        for (int i = 0; i < BLOCK; i++)
-            one(sums + i, weights[t - i], a);
-    }
-    #pragma unroll
-    for (int s = 0; s < BLOCK - 1; s++) {
-        Strip a = staged(p + (count + s) * stride);
-        #pragma unroll
-        for (int i = s + 1; i < BLOCK; i++)
-            one(sums + i, weights[count + s - i], a);
     }
 }
 
