@@ -35,9 +35,16 @@ def constants(shape: Form) -> Array:
 
 
 def _body(shape: Form) -> str:
-    """The function of transfer.cl: beside a toe a power needs no care for zero, and one of its two sums is empty."""
-    if shape.body != "power" or shape.knee <= 0:
+    """The function of transfer.cl. Displays' powers are roots; beside a toe a power needs no care for zero, and one of
+    its two sums is empty."""
+    if shape.body != "power":
         return shape.body
+    if shape.exponent == 12 / 5 and (shape.outer, shape.drop) == (1, 0):
+        return "fifths_of_sum"
+    if shape.exponent == 5 / 12 and (shape.inner, shape.lift) == (1, 0):
+        return "sum_of_twelfths"
+    if shape.knee <= 0:
+        return "power"
     return "power_of_sum" if shape.lift else "sum_of_power"
 
 
