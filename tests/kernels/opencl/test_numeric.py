@@ -168,6 +168,19 @@ def test_fast_pow(device: Device, y: float) -> None:
     hold(device, "num_pow_fast", (x, power), quietly(np.power, x, power), 1.0 + y)
 
 
+@pytest.mark.parametrize(("function", "y", "stated"), [("num_pow_12_5", 12 / 5, 2.6), ("num_pow_5_12", 5 / 12, 2.1)])
+def test_powers_of_displays(device: Device, function: str, y: float, stated: float) -> None:
+    random = np.random.default_rng(5)
+    x = np.concatenate([np.abs(any_float(random, COUNT // 2)), random.uniform(0, 2, COUNT // 2), SPECIAL[SPECIAL >= 0]])
+    x = np.abs(x).astype(np.float32)
+    x[(x < 1e-15) & (y > 1)] = 0  # the result would lie below 2^-126
+    with np.errstate(over="ignore"):
+        wanted = np.power(x.astype(np.longdouble), np.longdouble(y))
+    hold(device, function, (x,), wanted, stated)
+    assert evaluate(device, function, np.ones(1, np.float32)) == 1
+    assert np.isnan(evaluate(device, function, float32([np.nan])))
+
+
 def test_powers_at_the_edge(device: Device) -> None:
     bases = [0.0, 1e-45, 0.5, 1.0, 2.0, 3e38, np.inf]
     x, y = (axis.ravel().astype(np.float32) for axis in np.meshgrid(bases, [-200, -2, -1e-45, 0, 0.5, 2, 200]))
