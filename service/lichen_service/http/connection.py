@@ -175,7 +175,7 @@ class Connection:
     def _advance(self) -> None:
         """Go on as far as the bytes at hand allow, but let others have their turn between many small requests."""
         for _ in range(_STEPS_AT_ONCE):
-            if not ((step := _STEPS.get(self.phase)) and step(self)):
+            if (step := _STEPS[self.phase]) is None or not step(self):
                 break
         else:
             self._loop.reactor.post(partial(self._guard, self._advance))
@@ -429,7 +429,7 @@ class Connection:
         self._exchange.held = 0
 
 
-_STEPS: dict[Phase, Callable[[Connection], bool]] = {
+_STEPS: dict[Phase, Callable[[Connection], bool] | None] = dict.fromkeys(Phase) | {
     Phase.IDLE: Connection._take_head,
     Phase.HEAD: Connection._take_head,
     Phase.BODY: Connection._take_body,

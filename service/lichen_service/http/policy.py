@@ -217,7 +217,7 @@ def _usual_block(block: bytes) -> _Block | None:
     if len(lines) > MOST_FIELDS:
         return None
     try:
-        fields = [_field(line) for line in lines]
+        fields = [(name.lower(), value.strip(b" \t")) for name, _, value in (line.partition(b":") for line in lines)]
         if any(name == b"transfer-encoding" for name, _ in fields):
             return None  # the grammar has the last word on its value
         return _block("1.1", _judged("1.1", fields), fields)
