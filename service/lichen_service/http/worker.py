@@ -29,8 +29,9 @@ from lichen_service.http.loop import Loop
 from lichen_service.http.message import Application
 from lichen_service.http.reactor import READ
 
-SWITCH_INTERVAL = 0.001
-"""seconds; the loop thread asks for the interpreter often and briefly, and the default of 5 ms would be its latency"""
+SWITCH_INTERVAL = 0.0001
+"""seconds; the loop thread asks for the interpreter often and briefly, several times for each request, and under load
+waits as long each time: the default of 5 ms would be its latency many times over"""
 
 
 def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
@@ -46,6 +47,7 @@ def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
     application = make(maker)
     with socket.socket(fileno=listener_fd) as listener:
         loop = Loop(listener, application, settings)
+        loop.reactor.wake_on_signals()
         signal.signal(signal.SIGTERM, lambda *_: loop.stop())
         loop.reactor.watch(lifeline_fd, READ, lambda _mask: _orphaned(loop, lifeline_fd))
         os.write(ready_fd, b"\1")

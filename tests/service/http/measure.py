@@ -1,6 +1,6 @@
 """Requests and megabytes per second of the wire on loopback, beside uvicorn where that is installed.
 
-    python tests/service/http/measure.py [seconds] [rounds]
+    python tests/service/http/measure.py [seconds] [rounds] [small|ids|large ...]
 
 Servers run as one process each; the client, another process, keeps 8 connections busy with small GETs, then 4 with
 16 MB POSTs. `service` is the whole service, keys, figures and log included, asked for `/v1/version`; uvicorn serves the
@@ -23,12 +23,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import count, product, repeat
 from pathlib import Path
 
 HERE = str(Path(__file__).parent)
 PATH = "/v1/version"
+PARTS = ("small", "ids", "large")
 LARGE = 16_000_000
 
 WIRE = """
@@ -199,23 +200,20 @@ def processor_seconds(process: subprocess.Popen[bytes]) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def main(seconds: float, rounds: int) -> None:
+def main(seconds: float, rounds: int, parts: Sequence[str]) -> None:
     plain = f"GET {PATH} HTTP/1.1\r\nHost: a\r\nAccept: */*\r\nUser-Agent: measure\r\n".encode()
+    with_id = plain + b"X-Request-ID: %d\r\n\r\n"
     large = b"POST /v1/x HTTP/1.1\r\nHost: a\r\nContent-Length: %d\r\n\r\n" % LARGE + bytes(LARGE)
     with tempfile.TemporaryDirectory() as folder:
         servers = begin(Path(folder))
         try:
-            for title, connections, requests, unit, left_out in (
-                ("small GETs alike, requests/s", 8, repeat(plain + b"\r\n"), 1, ""),
-                (
-                    "each with an id, requests/s",
-                    8,
-                    (plain + b"X-Request-ID: %d\r\n\r\n" % at for at in count()),
-                    1.0,
-                    "",
-                ),
-                ("16 MB POSTs, MB/s", 4, repeat(large), LARGE / 1e6, "service"),
+            for part, title, connections, requests, unit, left_out in (
+                ("small", "small GETs alike, requests/s", 8, repeat(plain + b"\r\n"), 1, ""),
+                ("ids", "each with an id, requests/s", 8, map(with_id.__mod__, count()), 1, ""),
+                ("large", "16 MB POSTs, MB/s", 4, repeat(large), LARGE / 1e6, "service"),
             ):
+                if part not in parts:
+                    continue
                 rates: dict[str, list[float]] = {name: [] for name in servers if name != left_out}
                 spent = dict.fromkeys(rates, 0.0)
                 for _, (name, each) in product(range(rounds), rates.items()):
@@ -239,4 +237,4 @@ def main(seconds: float, rounds: int) -> None:
 
 if __name__ == "__main__":
     given = sys.argv[1:]
-    main(float(given[0]) if given else 1.0, int(given[1]) if given[1:] else 5)
+    main(float(given[0]) if given else 1.0, int(given[1]) if given[1:] else 5, given[2:] or PARTS)

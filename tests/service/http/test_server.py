@@ -231,6 +231,7 @@ def test_an_address_in_use_is_said_plainly(start: Callable[..., Service]) -> Non
 def test_sigusr1_shows_where_the_threads_are(start: Callable[..., Service]) -> None:
     service = start()
     service.listen()
+    service.pid()  # the loop goes round
     service.process.send_signal(signal.SIGUSR1)
     said = until_said(service, "reactor.py")
     assert "Thread 0x" in said
