@@ -8,6 +8,7 @@ DRAWS ?= 20000
 INPUTS ?= 80000
 CASES ?= 20
 SECONDS ?= 600
+PAUSE ?= 0
 KILLS ?= 100
 PIPELINES ?= 2000
 ARGS ?=
@@ -24,7 +25,7 @@ COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gene
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z-]*\):[^#]*## */  make \1 @/p' $(firstword $(MAKEFILE_LIST)) | awk -F@ '{ printf "%-24s%s\n", $$1, $$2 }'
-	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) DRAWS INPUTS CASES SECONDS KILLS ARGS=... (handed on: make test ARGS='-k lic')"
+	@echo "Variables: PYTHON=$(PYTHON) VENV=$(VENV) HOST=$(HOST) PORT=$(PORT) DRAWS INPUTS CASES SECONDS PAUSE KILLS ARGS=... (handed on: make test ARGS='-k lic')"
 
 install: $(VENV)/.runtime ## install what serving needs: system packages, .venv, pinned Python packages
 
@@ -59,8 +60,8 @@ fuzz: $(VENV)/.development ## hold errors to DRAWS images, plans to PIPELINES, H
 	@LICHEN_PIPELINES=$(PIPELINES) $(BIN)/python -m pytest tests/kernels/planning/test_metamorphic.py
 	@LICHEN_DRAWS=$(DRAWS) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py $(ARGS)
 
-soak: $(VENV)/.development ## serve for SECONDS, and show that memory, threads and files stay what they were
-	@$(BIN)/python tests/service/soak.py --seconds $(SECONDS)
+soak: $(VENV)/.development ## serve for SECONDS, resting PAUSE between requests, and show that memory, threads and files stay what they were
+	@$(BIN)/python tests/service/soak.py --seconds $(SECONDS) --pause $(PAUSE)
 
 batch-soak: $(VENV)/.development ## kill a batch of 500 items KILLS times, and show that nothing is lost or done twice
 	@$(BIN)/python tests/clients/batch_soak.py --kills $(KILLS)

@@ -8,6 +8,7 @@ import tempfile
 # Before anything of ours is imported, and for the processes that tests start, too.
 os.environ["LICHEN_TIMES"] = tempfile.mkdtemp(prefix="lichen-times-")
 os.environ["LICHEN_CALIBRATE"] = "off"
+os.environ["LICHEN_SPARE"] = "off"
 
 
 def pytest_unconfigure() -> None:

@@ -2,7 +2,8 @@
 
 `admit` sees a request's head on the thread that serves every connection, so it only looks things up: unknown paths,
 methods and operations, bodies that are too large or of a type nobody reads are refused before a byte of the body is
-taken in. `/livez` is answered right there, so it answers when every other thread is busy. `handle` does the rest.
+taken in. What only has to be looked up (`/livez`, `/readyz` while the canary is fresh, documents that do not change) is
+answered right there, so it is when every other thread is busy. `handle` does the rest.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ from __future__ import annotations
 import os
 import sqlite3
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +32,7 @@ from lichen_service.cache import Answers
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.decoding.pool import Decoders
 from lichen_service.descriptions import path_of
-from lichen_service.documents import as_query
+from lichen_service.documents import Shelf, as_query
 from lichen_service.formats import readable
 from lichen_service.http.message import Admission, Head, Request, Response
 from lichen_service.jobs.service import Jobs
@@ -50,10 +52,10 @@ from lichen_service.routes.running import Running
 from lichen_service.routes.scenes import PATH as SCENES
 from lichen_service.routes.scenes import Scenes
 from lichen_service.routes.studio import Studio
-from lichen_service.routes.system import System
+from lichen_service.routes.system import ALIVE, READY, System
 from lichen_service.routes.textures import PATH as TEXTURES
 from lichen_service.routes.textures import Textures
-from lichen_service.routing import Match, Route, find
+from lichen_service.routing import Match, Route, Table
 from lichen_service.settings import SHARED, Settings
 from lichen_service.uploads import JSON, check_type
 
@@ -72,21 +74,23 @@ class Service:
         self.memory = Memory(settings.memory // settings.workers)
         self._guard = Guard(settings, shared)
         self._cors = Cors.parse(settings.cors_origins)
-        self.readiness = Readiness(self._canary)
         self.traffic = Traffic()
+        self.readiness = Readiness(self._canary, give_way=self.traffic.give_way)
         self.calibrating = Calibrating(self.readiness, self.traffic)
         self.assets = open_assets(settings.assets, settings.asset_folder, settings.asset_store)
         self.decoders = Decoders(settings.decoders, settings.decoder_memory, settings.decoder_seconds)
         self.answers = Answers(settings.cache)
         self._running = Running(settings, self.assets, self.decoders, self.answers)
-        self._described = described = Catalogue(settings)
-        system, accuracy = System(settings, self.readiness), Accuracy()
+        self._shelf = shelf = Shelf()
+        self._described = described = Catalogue(settings, shelf)
+        self._system = system = System(settings, self.readiness, shelf)
+        accuracy = Accuracy()
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
         pipelines, scenes, textures = Pipelines(settings, self._running), Scenes(settings, self._running), Textures()
         self.jobs = _jobs(settings, self.assets, self.handle, self._check)
         self.metrics = Metrics(catalogue.operations())
         self._tracing = tracing.start() if settings.traces == "on" else None
-        self.routes: tuple[Route, ...] = (
+        routes = (
             *(self.jobs.table if self.jobs else ()),
             *Studio().routes,
             Route("/v1/operations", {"GET": described.list}),
@@ -103,37 +107,35 @@ class Service:
             Route("/v1/version", {"GET": system.version}),
             Route("/openapi.json", {"GET": system.openapi}),
             Route("/metrics", {"GET": Figures(self.metrics).text}, scope="metrics"),
-            Route("/livez", {"GET": system.alive}, scope=None),
-            Route("/readyz", {"GET": system.ready}, scope=None),
+            Route(ALIVE, {"GET": system.alive}, scope=None),
+            Route(READY, {"GET": system.ready}, scope=None),
         )
+        self._table = Table(routes)
         self._measure()
 
     def admit(self, head: Head) -> Admission | Response:
         """The word that the body may be read, or the answer without it."""
-        answer = _answer(head, lambda: self._admit(head))
-        return self._outgoing(head, answer, None) if isinstance(answer, Response) else answer
+        answer = _answer(head, partial(self._admit, head))
+        return self._outgoing(head, answer) if isinstance(answer, Response) else answer
 
     def handle(self, request: Request) -> Response:
         """The answer to a whole request. Every error becomes a problem document."""
         with self.traffic.request(), self.memory.request(), self.assets.request():
-            response = _answer(request.head, lambda: self._handle(request))
+            response = _answer(request.head, partial(self._handle, request))
         assert isinstance(response, Response)
-        return self._outgoing(request.head, response, request.caller)
+        return self._outgoing(request.head, _told(response, request.head, request.caller))
 
-    def answered(self, line: Mapping[str, Any]) -> None:
+    def answered(self, lines: Sequence[Mapping[str, Any]]) -> None:
         """Hears of every answer that has left, as the access log has it."""
-        self.metrics.answered(line)
+        self.metrics.answered(lines)
         if self._tracing is not None:
-            self._tracing.answered(line)
+            for line in lines:
+                self._tracing.answered(line)
 
-    def _outgoing(self, head: Head, response: Response, caller: Any) -> Response:
+    def _outgoing(self, head: Head, response: Response) -> Response:
         """The response with what does not depend on its route, and what the log shall know."""
-        route = next((each.template for each in self.routes if each.pattern.fullmatch(head.path)), None)
-        response.log |= {"route": route} if route else {}
-        if isinstance(caller, Caller):
-            response.headers |= caller.rate_headers
-            response.log |= {"client": caller.address} if caller.address != head.peer else {}
-            response.log |= {"key": caller.name} if caller.name else {}
+        if (match := self._table.match(head.path)) is not None:
+            response.log["route"] = match.route.template
         return self._cors.add(head, response)
 
     def _admit(self, head: Head) -> Admission | Response:
@@ -142,8 +144,9 @@ class Service:
         match, caller = self._let_in(head)
         if match.name and match.route.bodies:  # an operation's
             catalogue.operation(match.name)
-        if match.route.template == "/livez" and not head.length:
-            return self._handle(Request(head, b""))
+        if not head.length and (known := self._system.at_once(head) or self._shelf.at_once(head)) is not None:
+            known.lasting &= match.route.scope is None or self._guard.indifferent
+            return _told(known, head, caller)
         if not (match.route.bodies and head.method in ("POST", "PUT", "QUERY")):
             return Admission(SMALL_BODY, caller)
         if head.length is not None and head.length > self._settings.max_body:
@@ -168,7 +171,7 @@ class Service:
 
     def _measure(self) -> None:
         """Connects what happens to the figures that tell of it."""
-        self.metrics.routes = frozenset(each.template for each in self.routes)
+        self.metrics.routes = frozenset(each.template for each in self._table.routes)
         self.memory.on_change = self.metrics.held
         self.decoders.on_death = self.metrics.decoders_died.inc
         self.metrics.ask(
@@ -180,12 +183,12 @@ class Service:
     def _preflight(self, head: Head) -> Response | None:
         if head.method != "OPTIONS" or not self._cors.origins:
             return None
-        return self._cors.preflight(head, find(self.routes, head).route.allow)
+        return self._cors.preflight(head, self._table.find(head).route.allow)
 
     def _let_in(self, head: Head) -> tuple[Match, Caller]:
         """Where a request goes, and who sends it. Who may not come in does not learn what there is."""
         try:
-            match = find(self.routes, head)
+            match = self._table.find(head)
         except Refusal:
             self._guard.admit(head, "")
             raise
@@ -195,11 +198,11 @@ class Service:
     def _handle(self, request: Request) -> Response:
         if signing.is_signed(request.head.query):
             query = signing.without_signature(request.head.query)
-            request = replace(request, head=replace(request.head, query=query))
+            request = replace(request, head=request.head._replace(query=query))
         head = request.head
         if head.method == "OPTIONS":
             return self._options(head)
-        match = find(self.routes, head)
+        match = self._table.find(head)
         handler = match.route.handler(head.method)
         assert handler is not None, "find refuses methods without a handler"
         if self.jobs and match.route.scope == "run" and wants_a_job(request):
@@ -209,7 +212,7 @@ class Service:
 
     def _check(self, request: Request) -> None:
         """Raises all that can be seen to be wrong with a request that is to become a job."""
-        match = find(self.routes, request.head)
+        match = self._table.find(request.head)
         if match.route.check is not None:
             match.route.check(request, match.name)
 
@@ -221,7 +224,7 @@ class Service:
         return (self._running.run if runs else self._described.describe)(request, name)
 
     def _options(self, head: Head) -> Response:
-        match = find(self.routes, head)
+        match = self._table.find(head)
         headers = {"Allow": match.route.allow}
         if "QUERY" in match.route.handlers:
             headers["Accept-Query"] = ", ".join([*_readable(match.route), "multipart/form-data"])
@@ -252,6 +255,15 @@ def _jobs(
     except (OSError, sqlite3.Error) as failure:
         log.error("jobs cannot be kept and are not offered", folder=str(settings.data_folder), reason=str(failure))
         return None
+
+
+def _told(response: Response, head: Head, caller: Any) -> Response:
+    """The response with what is left of its caller's rate, and the caller in the log."""
+    if isinstance(caller, Caller):
+        response.headers |= caller.rate_headers
+        response.log |= {"client": caller.address} if caller.address != head.peer else {}
+        response.log |= {"key": caller.name} if caller.name else {}
+    return response
 
 
 def _readable(route: Route) -> tuple[str, ...]:
@@ -285,6 +297,11 @@ def _smallest_request() -> tuple[bytes, str, tuple[tuple[str, str], ...]]:
         body = encode(next(iter(inputs.values())), "npy").data
         return body, path_of(operation.name), (*as_query(parameters), ("prune", "false"))
     raise RuntimeError("no operation of the catalogue offers an example with one image")
+
+
+def prepare() -> None:
+    """Load what takes longest before the service can be made: all operations. Nothing is computed yet."""
+    catalogue.operations()
 
 
 def create_application() -> Service:

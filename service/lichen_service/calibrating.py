@@ -54,6 +54,12 @@ class Traffic:
                 self._within -= 1
                 self._ended = time.monotonic()
 
+    def give_way(self, longest: float) -> None:
+        """Wait until it is quiet, for so many seconds at most."""
+        ends = time.monotonic() + longest
+        while not self.quiet and time.monotonic() < ends:
+            time.sleep(QUIET)
+
     @property
     def quiet(self) -> bool:
         """Nobody is being answered, or has been within the last moment."""

@@ -11,7 +11,8 @@ import dataclasses
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -57,13 +58,55 @@ def matches(head: Head, tag: str) -> bool:
     return given.strip() == "*" or tag in (each.strip().removeprefix("W/") for each in given.split(","))
 
 
-def document(head: Head, body: bytes, media_type: str = "application/json") -> Response:
+@dataclass(frozen=True, slots=True)
+class Document:
     """An answer that depends on the running engine alone: kept by caches, asked for again by its entity tag."""
-    tag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
-    headers = {"ETag": tag, "Cache-Control": "no-cache"}
-    if matches(head, tag):
-        return Response(304, headers=headers)
-    return Response(200, body, headers | {"Content-Type": media_type, "Content-Digest": content_digest(body)})
+
+    body: bytes
+    tag: str
+    fields: tuple[tuple[str, str], ...]
+    """what the whole of it says of itself"""
+
+    @classmethod
+    def of(cls, body: bytes, media_type: str = "application/json") -> Document:
+        tag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
+        return cls(body, tag, (("Content-Type", media_type), ("Content-Digest", content_digest(body))))
+
+    def answer(self, head: Head) -> Response:
+        headers = {"ETag": self.tag, "Cache-Control": "no-cache"}
+        if matches(head, self.tag):
+            return Response(304, headers=headers)
+        headers.update(self.fields)
+        return Response(200, self.body, headers)
+
+
+def document(head: Head, body: bytes, media_type: str = "application/json") -> Response:
+    """The answer that holds a document made for it."""
+    return Document.of(body, media_type).answer(head)
+
+
+class Shelf:
+    """Documents that are the same for everybody as long as the process lives, by path.
+
+    Each is made when it is first asked for, which takes a thread; from then on the loop itself finds it here.
+    """
+
+    def __init__(self) -> None:
+        self._kept: dict[str, Document] = {}
+
+    def answer(self, head: Head, make: Callable[[], bytes]) -> Response:
+        """The document of a path, which `make` makes where there is none yet."""
+        if (kept := self._kept.get(head.path)) is None:
+            kept = self._kept.setdefault(head.path, Document.of(make()))
+        return kept.answer(head)
+
+    def at_once(self, head: Head) -> Response | None:
+        """The answer, if it takes no more than looking it up. A query may ask for something else."""
+        if head.query or head.method not in ("GET", "HEAD") or (kept := self._kept.get(head.path)) is None:
+            return None
+        answer = kept.answer(head)
+        answer.lasting = True
+        return answer
 
 
 def momentary(status: int, value: Any) -> Response:

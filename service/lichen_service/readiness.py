@@ -2,8 +2,9 @@
 
 A process is ready when an operation has run on a tiny image and a tiny request goes through right now. Behind its back
 every other operation runs once, too, which builds its kernels: the first caller of one need not wait for a compiler.
-That happens in a thread of its own, so neither liveness nor readiness waits for all of it. The canary
-runs in another: a stuck device makes it late, and late means not ready, without taking down the thread that asks.
+That happens in a thread of its own, so neither liveness nor readiness waits for all of it, and it gives way: no method
+is begun while a request is in flight, unless that has lasted. The canary runs in another thread: a stuck device makes
+it late, and late means not ready, without taking down the thread that asks.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ PATIENCE = 5.0
 """Seconds after which a canary that has not come back counts as stuck."""
 FRESH = 1.0
 """Seconds for which an answer of the canary is believed, so that asking often costs nothing."""
+LONGEST_REST = 5.0
+"""Seconds for which the warm-up rests at most before it goes on with one method, under whatever load."""
 SIDE = 8
 """Pixels; side of the image that warms up a kernel."""
 
@@ -104,8 +107,16 @@ class _Canary:
 class Readiness:
     """Knows when the process is warm, and asks the canary. Safe to use from several threads."""
 
-    def __init__(self, request: Callable[[], None], *, patience: float = PATIENCE) -> None:
+    def __init__(
+        self,
+        request: Callable[[], None],
+        *,
+        patience: float = PATIENCE,
+        give_way: Callable[[float], object] = lambda _seconds: None,
+    ) -> None:
+        """`give_way` waits until nobody is being answered, for so many seconds at most."""
         self._request = request
+        self._give_way = give_way
         self._patience = patience
         self._lock = threading.Lock()
         self._canary: _Canary | None = None
@@ -132,12 +143,18 @@ class Readiness:
                 self._able.set()
                 if failed is not None:
                     log.error("warm-up failed", operation=operation, method=method, reason=str(failed))
+                self._give_way(LONGEST_REST)
         except Exception:
             log.exception("warm-up broke off")
         finally:
             self._able.set()
             self._warm.set()
             log.info("warm", seconds=round(time.monotonic() - began, 3))
+
+    @property
+    def fresh(self) -> bool:
+        """Whether the canary came back a moment ago, so that it need not be asked; takes no lock and never waits."""
+        return self._able.is_set() and time.monotonic() < self._good_until
 
     def reason(self) -> str | None:
         """Why the process should not be sent requests now, or None if it should."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 from urllib.parse import quote
 
 from lichen.errors import nearest
@@ -48,29 +49,46 @@ class Route:
         return self.handlers.get("GET" if method == "HEAD" else method)
 
 
-@dataclass(frozen=True, slots=True)
-class Match:
+class Match(NamedTuple):
     route: Route
     name: str
 
 
-def find(routes: Sequence[Route], head: Head) -> Match:
-    """The route of a request. Raises the `Refusal` (404 or 405) for a path or method that has none."""
-    for route in routes:
-        found = route.pattern.fullmatch(head.path)
-        if found:
-            match = Match(route, found.groupdict().get("name", ""))
-            if head.method != "OPTIONS" and route.handler(head.method) is None:
-                raise Refusal(
-                    405,
-                    "method-not-allowed",
-                    "The method is not allowed here",
-                    f"{head.method} is not allowed on {_shown(head.path)}; allowed: {route.allow}.",
-                    headers={"Allow": route.allow},
-                )
-            return match
-    hint = nearest(head.path, [route.template for route in routes])
-    raise Refusal(404, "not-found", "There is nothing at this path", f"Nothing is at {_shown(head.path)}; {hint}")
+class Table:
+    """All routes. A path that one of them spells out is that one's; the others are tried in the order given."""
+
+    def __init__(self, routes: Sequence[Route]) -> None:
+        self.routes = tuple(routes)
+        self._plain = {each.template: each for each in routes if "{" not in each.template}
+        self._patterns = [each for each in routes if "{" in each.template]
+
+    def match(self, path: str) -> Match | None:
+        """Whatever the method."""
+        if (plain := self._plain.get(path)) is not None:
+            return Match(plain, "")
+        for route in self._patterns:
+            if found := route.pattern.fullmatch(path):
+                return Match(route, found["name"])
+        return None
+
+    def find(self, head: Head) -> Match:
+        """The route of a request. Raises the `Refusal` (404 or 405) for a path or method that has none."""
+        match = self.match(head.path)
+        if match is None:
+            hint = nearest(head.path, [each.template for each in self.routes])
+            raise Refusal(
+                404, "not-found", "There is nothing at this path", f"Nothing is at {_shown(head.path)}; {hint}"
+            )
+        if head.method != "OPTIONS" and match.route.handler(head.method) is None:
+            allow = match.route.allow
+            raise Refusal(
+                405,
+                "method-not-allowed",
+                "The method is not allowed here",
+                f"{head.method} is not allowed on {_shown(head.path)}; allowed: {allow}.",
+                headers={"Allow": allow},
+            )
+        return match
 
 
 def _shown(path: str) -> str:

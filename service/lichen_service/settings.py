@@ -62,6 +62,7 @@ class Settings:
     host: str = _setting("127.0.0.1", "address to listen on, or unix:PATH for a socket in the file system")
     port: int = _setting(8080, "port to listen on; 0 takes a free one", 0, 65535)
     workers: int = _setting(_workers(), "processes that answer requests", 1, 256)
+    spare: str = _switch("on", "whether one more process waits, its libraries loaded, to stand in for one that dies")
     threads: int = _setting(4, "requests one process computes at a time", 1, 256)
     queue: int = _setting(
         64, "requests one process keeps waiting; more are refused with 503", 0, 65536, limit="waiting_requests"

@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Any
 
 from lichen_service.settings import InvalidSettings
@@ -50,7 +51,7 @@ class Tracing:
 
     def answered(self, line: Mapping[str, Any]) -> None:
         """Makes the spans of an answer that has just left, from its line in the access log."""
-        api, ended = self._api, time.time_ns()
+        api, ended = self._api, _moment(line["time"]) if "time" in line else time.time_ns()
         began = ended - _nanoseconds(line["total_ms"])
         span = self._tracer.start_span(
             f"{line['method']} {line.get('route', '')}".strip() or "malformed request",
@@ -100,6 +101,10 @@ def start() -> Tracing:
     provider = TracerProvider(resource=Resource.create(name))
     provider.add_span_processor(BatchSpanProcessor(OTLPSpanExporter()))
     return Tracing(provider)
+
+
+def _moment(text: str) -> int:
+    return int(datetime.fromisoformat(text).timestamp() * 1e9)
 
 
 def _nanoseconds(milliseconds: float) -> int:

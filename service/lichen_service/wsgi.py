@@ -23,7 +23,7 @@ from lichen_service.http.access_log import AccessLog
 from lichen_service.http.exchange import Exchange
 from lichen_service.http.finish import BadResponse, completed, phrase
 from lichen_service.http.message import Admission, Application, Body, Head, Request, Response, Stream
-from lichen_service.http.policy import RawHead, Refusal
+from lichen_service.http.policy import RawHead, Refusal, joined
 from lichen_service.problems import problem
 from lichen_service.settings import InvalidSettings, Settings
 
@@ -106,7 +106,7 @@ class Wsgi:
             exchange.sent += body.nbytes
             yield bytes(body)
         finally:
-            self._log.answered(exchange.record())
+            self._log.answered(exchange.end())
             self._log.flush()
 
 
@@ -132,7 +132,7 @@ def _opening(environ: Environ) -> RawHead:
         if name.startswith("HTTP_") or (name in ("CONTENT_TYPE", "CONTENT_LENGTH") and value)
     ]
     known = environ["REQUEST_METHOD"]
-    return RawHead(known, target, "1.1", tuple(fields), keep_alive=True, expects_continue=False)
+    return RawHead(known, target, "1.1", tuple(fields), joined(fields), keep_alive=True, expects_continue=False)
 
 
 def _body(environ: Environ, length: int | None, largest: int) -> Body | None:

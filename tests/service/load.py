@@ -226,7 +226,7 @@ def overload() -> None:
 
 
 def half_open() -> None:
-    with served(threads=2, header_timeout=5.0) as service:
+    with served(threads=2, spare="off", header_timeout=5.0) as service:
         (worker,) = service.children("lichen_service.http.worker")
         threads = Path(f"/proc/{worker}/task")
         service.until_warm()

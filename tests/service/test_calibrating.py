@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from lichen import catalogue
 from lichen.accuracy import times
 from lichen.calibration.sweep import backends
-from lichen_service import calibrating, durable
+from lichen_service import calibrating, durable, readiness
 from lichen_service.app import Service
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.settings import InvalidSettings, Settings
@@ -54,6 +55,30 @@ def test_it_waits_while_a_request_is_answered(service: Service) -> None:
         assert not times.current("numpy")
     assert measured.done.wait(60)
     assert times.current("numpy")
+
+
+def test_the_warm_up_gives_way_and_does_not_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    traffic, begun = Traffic(), []
+
+    def methods() -> Iterator[tuple[str, str, None]]:
+        for name in ("first", "second", "third"):
+            begun.append(name)
+            yield name, "exact", None
+
+    monkeypatch.setattr(readiness, "warm_up", methods)
+    warming = readiness.Readiness(lambda: None, give_way=traffic.give_way)
+    with traffic.request():
+        warming.start()
+        assert warming.able(30)
+        assert not warming.wait(0.3)
+        assert begun == ["first"]
+        monkeypatch.setattr(readiness, "LONGEST_REST", 0.0)
+    assert warming.wait(30)
+    assert begun == ["first", "second", "third"]
+    busy = readiness.Readiness(lambda: None, give_way=traffic.give_way)
+    with traffic.request():
+        busy.start()
+        assert busy.wait(30), "a service that is never idle is warm some time, too"
 
 
 @pytest.mark.usefixtures("few")

@@ -35,22 +35,19 @@ def metrics() -> Metrics:
 
 
 def test_an_answer_is_counted_once_in_each_figure(metrics: Metrics) -> None:
-    metrics.answered(LINE)
-    metrics.answered(
-        LINE
-        | {
-            "route": "/v1/operations/{name}",
-            "method": "POST",
-            "operation": "gaussian",
-            "method_used": "fir; tail=0.0001",
-            "device": "numpy",
-            "pixels": 100,
-            "skipped": 1,
-            "queue_ms": 1.5,
-            "stages_ms": {"decode": 1.0, "kernel": 2.0, "kernel.made-up": 2.0},
-        }
-    )
-    metrics.answered(LINE | {"status": 422, "problem": "invalid-request"})
+    metrics.answered([LINE])
+    run = LINE | {
+        "route": "/v1/operations/{name}",
+        "method": "POST",
+        "operation": "gaussian",
+        "method_used": "fir; tail=0.0001",
+        "device": "numpy",
+        "pixels": 100,
+        "skipped": 1,
+        "queue_ms": 1.5,
+        "stages_ms": {"decode": 1.0, "kernel": 2.0, "kernel.made-up": 2.0},
+    }
+    metrics.answered([run, LINE | {"status": 422, "problem": "invalid-request"}])
     found = figures(metrics.text())
     assert found["lichen_requests_total method=GET route=/v1/limits status=200"] == 1
     assert found["lichen_requests_total method=GET route=/v1/limits status=422"] == 1
@@ -65,9 +62,25 @@ def test_an_answer_is_counted_once_in_each_figure(metrics: Metrics) -> None:
     assert found["lichen_sent_bytes_total"] == 15
 
 
+def test_counting_together_is_counting_one_by_one(metrics: Metrics) -> None:
+    lines = [LINE | {"total_ms": float(each)} for each in (0.1, 1.0, 1.001, 2.5, 7.0, 59_999.0, 60_000.0, 1e6)]
+    metrics.answered(lines)
+    other = Metrics(("gaussian",))
+    other.routes = metrics.routes
+    for line in lines:
+        other._requests.labels(line["route"], line["method"], str(line["status"])).inc()
+        other._seconds.labels(line["route"]).observe(line["total_ms"] / 1e3)
+    whole, single = figures(metrics.text()), figures(other.text())
+    told = [name for name in whole if name.startswith(("lichen_requests_total", "lichen_request_seconds_"))]
+    assert len(told) > 15
+    for name in told:
+        if not name.startswith("lichen_request_seconds_created"):
+            assert whole[name] == pytest.approx(single[name]), name
+
+
 def test_no_client_can_make_a_label(metrics: Metrics) -> None:
     for at in range(100):
-        metrics.answered(LINE | {"route": f"/made/up/{at}", "method": f"MADE{at}", "operation": f"made-{at}"})
+        metrics.answered([LINE | {"route": f"/made/up/{at}", "method": f"MADE{at}", "operation": f"made-{at}"}])
     assert sum("lichen_requests_total" in name for name in figures(metrics.text())) == 1
 
 
@@ -85,8 +98,8 @@ from lichen_service.metrics import Metrics
 metrics = Metrics(())
 metrics.routes = frozenset(("/v1/limits",))
 for _ in range(int(sys.argv[1])):
-    metrics.answered({"route": "/v1/limits", "method": "GET", "status": 200, "total_ms": 2.0, "bytes_in": 0,
-                      "bytes_out": 1})
+    metrics.answered([{"route": "/v1/limits", "method": "GET", "status": 200, "total_ms": 2.0, "bytes_in": 0,
+                       "bytes_out": 1}])
 metrics.held(1000)
 if sys.argv[2] == "die":
     os.kill(os.getpid(), signal.SIGKILL)

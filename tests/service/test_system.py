@@ -146,6 +146,32 @@ def test_options_say_what_may_be_sent(call: Caller) -> None:
 # ------------------------------------------------------------------------------------------- liveness, readiness
 
 
+@pytest.mark.parametrize("path", ["/v1/operations", "/v1/operations/gaussian", "/v1/limits", "/v1/version"])
+def test_what_was_made_once_needs_no_thread_either(settings: Settings, path: str) -> None:
+    call = Caller(Service(settings), settings)
+    made, found, head = call("GET", path), call("GET", path), call("HEAD", path)
+    assert call.admitted == [True, False, False]
+    assert (found.status, found.body, found.headers) == (200, made.body, made.headers)
+    assert (found.log, found.lasting, head.lasting) == ({"route": found.log["route"]}, True, True)
+    kept = call("GET", path, headers={"if-none-match": found.headers["ETag"]})
+    assert (kept.status, kept.body, kept.lasting) == (304, b"", True)
+    assert call("GET", f"{path}?made=up").lasting is False
+
+
+def test_a_run_whose_address_names_all_it_needs_is_no_document(call: Caller) -> None:
+    plain = call("GET", "/v1/operations/white_noise")
+    assert call("GET", "/v1/operations/white_noise").headers["ETag"] == plain.headers["ETag"]
+    run = call("GET", "/v1/operations/white_noise?width=8&height=8&format=png")
+    assert run.headers["Content-Type"] == "image/png"
+    assert run.lasting is False
+
+
+def test_readiness_is_believed_for_a_moment_without_a_thread(call: Caller) -> None:
+    call("GET", "/readyz")
+    again = call("GET", "/readyz")
+    assert (again.status, again.lasting, call.admitted[-1]) == (200, False, False)
+
+
 def test_liveness_needs_no_thread_of_the_pool(call: Caller) -> None:
     assert read_json(call("GET", "/livez")) == {"status": "alive"}
     assert call.admitted == [False]

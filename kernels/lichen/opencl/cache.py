@@ -65,6 +65,13 @@ def prepare() -> Path:
     return spare
 
 
+def restore() -> None:
+    """Makes the folder that the runtime uses again, where somebody has removed it: without it nothing compiles."""
+    named = os.environ.get("POCL_CACHE_DIR")
+    if named and not os.path.isdir(named) and flaw(Path(named)) is None:
+        adopt(Path(named))
+
+
 COPIED = frozenset({"last_accessed"})
 """What the runtime writes to although it is there."""
 

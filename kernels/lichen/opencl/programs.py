@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lichen.errors import DeviceFailure
+from lichen.opencl.cache import restore
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -198,6 +199,7 @@ class Programs:
         import pyopencl as cl
 
         program = cl.Program(self._context, "\n".join([*definitions, source.text]))
+        restore()
         try:
             program.build(list(OPTIONS))
         except cl.Error as error:

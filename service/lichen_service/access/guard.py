@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import ipaddress
 import socket
-from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from lichen_service.access import signing
 from lichen_service.access.keys import SCOPES, Key, KeyFile
@@ -25,8 +25,7 @@ REALM = 'Bearer realm="lichen"'
 _SIGNED = frozenset(("run", "assets"))
 
 
-@dataclass(frozen=True, slots=True)
-class Caller:
+class Caller(NamedTuple):
     """Who sent a request. `name` is a key's, empty where none was asked for; quotas of 0 are those of the settings."""
 
     address: str = ""
@@ -61,6 +60,11 @@ class Guard:
     @property
     def open(self) -> bool:
         return self._keys is None
+
+    @property
+    def indifferent(self) -> bool:
+        """Whether everybody may come in, as often as they like, and nothing depends on who they are."""
+        return self.open and not self._settings.rate and not self._proxies.any
 
     def admit(self, head: Head, scope: str) -> Caller:
         """The caller of a request that needs `scope` (empty: any good key). Raises the 401, 403 or 429 refusal."""
@@ -105,7 +109,7 @@ class Guard:
         if not per_minute:
             return caller
         verdict = self._rates.ask(name, per_minute / 60, burst)
-        caller = replace(caller, rate=verdict, burst=burst, window=60 * burst / per_minute)
+        caller = caller._replace(rate=verdict, burst=burst, window=60 * burst / per_minute)
         if verdict.allowed:
             return caller
         raise Refusal(

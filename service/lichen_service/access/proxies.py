@@ -28,8 +28,15 @@ class Proxies:
         networks = tuple(ipaddress.ip_network(each) for each in names if each != UNIX)
         return cls(networks, UNIX in names)
 
+    @property
+    def any(self) -> bool:
+        """Whether there are proxies whose word is taken."""
+        return self.unix or bool(self.networks)
+
     def client(self, peer: str, headers: Mapping[str, str]) -> str:
         """The address a request comes from; `peer` is who opened the connection (empty for a unix socket)."""
+        if not self.any:
+            return peer
         address = peer
         hops = [each.strip() for each in headers.get("x-forwarded-for", "").split(",") if each.strip()]
         while hops and self._trusts(address):

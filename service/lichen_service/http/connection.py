@@ -25,7 +25,6 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -34,13 +33,15 @@ from lichen_service.http.exchange import Exchange, FixedBody
 from lichen_service.http.finish import choose_request_id
 from lichen_service.http.message import CLIENT_GONE, Admission, Head, Request, Response
 from lichen_service.http.phase import Phase
-from lichen_service.http.policy import METHODS, HeadScanner, RawHead, Refusal, read_head
+from lichen_service.http.policy import METHODS, HeadScanner, RawHead, Refusal, read_head, usual_head
+from lichen_service.http.prompt import Prompt, Prompted
 from lichen_service.http.reactor import READ, WRITE
 from lichen_service.http.streaming import Streaming
 
 if TYPE_CHECKING:
     from lichen_service.http.loop import Loop
 
+_STEPS_AT_ONCE = 32
 _CONTINUE = b"HTTP/1.1 100 Continue\r\n\r\n"
 
 
@@ -66,7 +67,7 @@ class Connection:
     # Events
 
     def ready(self, mask: int) -> None:
-        self._guard(lambda: self._ready(mask))
+        self._guard(self._ready, mask)
 
     def drain(self) -> None:
         """The service ends: take a request that has already come, close if there is none."""
@@ -88,10 +89,10 @@ class Connection:
         self._loop.reactor.watch(self._socket, 0, self.ready)
         self._deadline.forget()
 
-    def _guard(self, call: Callable[[], None]) -> None:
+    def _guard(self, call: Callable[..., None], *given: int) -> None:
         """Nothing that happens to one connection may reach another."""
         try:
-            call()
+            call(*given)
         except OSError:
             self._lost()
         except Exception:
@@ -106,6 +107,8 @@ class Connection:
             self._begin_writing()
         elif mask & READ:
             self._read()
+            if self.phase is Phase.IDLE and (prompt := self._loop.prompts.get(self._buffer)) and self._knows(prompt):
+                return
         self._advance()
 
     def _lost(self) -> None:
@@ -115,7 +118,7 @@ class Connection:
             return
         if self.phase in (Phase.BODY, Phase.WRITE):
             self._exchange.status = CLIENT_GONE
-            self._loop.log.answered(self._exchange.record())
+            self._loop.answered(self._exchange.end())
         self.close()
 
     def _expire(self) -> None:
@@ -127,6 +130,32 @@ class Connection:
         else:
             self._lost()
         self._advance()
+
+    def _knows(self, prompt: Prompt) -> bool:
+        """Answer at once what is known by its bytes; false where the connection would end with it."""
+        if self._served + 1 >= self._loop.bounds.requests_per_connection or self._ended or self._loop.draining:
+            return False
+        started = time.monotonic()
+        self._served += 1
+        self._buffer.clear()
+        request_id = choose_request_id(None)
+        answer = prompt.answer(request_id)
+        try:
+            sent = self._socket.send(answer)
+        except BlockingIOError:
+            sent = 0
+        if sent == len(answer):
+            ended = time.monotonic()
+            self._loop.answered(Prompted(prompt, request_id, self._peer, sent, started, ended))
+            self._deadline.set(ended + self._loop.settings.idle_timeout)
+            return True
+        exchange = self._exchange = Exchange(request_id, self._peer, prompt.method, prompt.target, keep_alive=True)
+        exchange.out = [memoryview(answer)[sent:]]
+        exchange.sent, exchange.status, exchange.fields = sent, prompt.status, prompt.fields
+        exchange.write_started = started
+        self._begin_writing()
+        self._watch()
+        return True
 
     # Receiving
 
@@ -144,9 +173,12 @@ class Connection:
         self._ended = count == 0
 
     def _advance(self) -> None:
-        """Go on as far as the bytes at hand allow."""
-        while (step := _STEPS.get(self.phase)) and step(self):
-            pass
+        """Go on as far as the bytes at hand allow, but let others have their turn between many small requests."""
+        for _ in range(_STEPS_AT_ONCE):
+            if (step := _STEPS[self.phase]) is None or not step(self):
+                break
+        else:
+            self._loop.reactor.post(partial(self._guard, self._advance))
         self._watch()
 
     def _watch(self) -> None:
@@ -164,6 +196,11 @@ class Connection:
             if self._ended or self._loop.draining:
                 self.close()
             return False
+        if self.phase is Phase.IDLE and (usual := usual_head(self._buffer)) is not None:
+            raw = bytes(self._buffer[: usual[0]])
+            del self._buffer[: usual[0]]
+            self._begin(usual[1], raw)
+            return True
         end = self._scanner.scan(self._buffer)
         if end is None:
             if self._ended:
@@ -182,7 +219,7 @@ class Connection:
         if isinstance(opening, Refusal):
             self._refuse_unread(opening)
         else:
-            self._begin(opening)
+            self._begin(opening, raw)
         return True
 
     def _take_body(self) -> bool:
@@ -233,7 +270,7 @@ class Connection:
 
     # Deciding
 
-    def _begin(self, opening: RawHead) -> None:
+    def _begin(self, opening: RawHead, raw: bytes) -> None:
         """The head is sound: decide, before reading the body, whether to."""
         self._served += 1
         exchange = self._exchange = Exchange.opened(opening, self._peer, self._loop.settings.request_timeout)
@@ -249,6 +286,7 @@ class Connection:
             admission = self._loop.admit(head)
             if isinstance(admission, Response):
                 self._decline(admission)
+                self._loop.prompts.learn(raw, exchange, admission)
             else:
                 self._admit(head, admission)
 
@@ -269,7 +307,7 @@ class Connection:
         assert exchange.body is not None
         exchange.queued = time.monotonic()
         alive = partial(self._waits, exchange.keep_alive)
-        head = replace(exchange.head, deadline=exchange.queued + exchange.head.allowed, alive=alive)
+        head = exchange.head._replace(deadline=exchange.queued + exchange.head.allowed, alive=alive)
         request = Request(head, exchange.body.body, exchange.caller)
         if not self._loop.submit(partial(self._work, request)):
             self._respond(self._loop.busy(head.request_id))
@@ -357,7 +395,7 @@ class Connection:
             self._let_go()
             self._loop.go_on(self, Streaming(self._loop, self._socket, self._exchange, stream))
             return
-        self._loop.log.answered(self._exchange.record())
+        self._loop.answered(self._exchange.end())
         if not self._exchange.keep_alive:
             self._linger()
         elif self._exchange.discard:
@@ -391,7 +429,7 @@ class Connection:
         self._exchange.held = 0
 
 
-_STEPS: dict[Phase, Callable[[Connection], bool]] = {
+_STEPS: dict[Phase, Callable[[Connection], bool] | None] = dict.fromkeys(Phase) | {
     Phase.IDLE: Connection._take_head,
     Phase.HEAD: Connection._take_head,
     Phase.BODY: Connection._take_body,

@@ -83,15 +83,13 @@ class Exchange:
     stream: Stream | None = None
     write_started: float = 0.0
     sent: int = 0
+    ended: float = 0.0
     fields: dict[str, object] = field(default_factory=dict)
 
     @classmethod
     def opened(cls, opening: RawHead, peer: str, request_timeout: float) -> Exchange:
         """The exchange that a sound head begins; its `head` is a refusal where target or time do not decode."""
-        fields: dict[str, str] = {}
-        for name, value in opening.fields:
-            joint = "; " if name == "cookie" else ", "
-            fields[name] = f"{fields[name]}{joint}{value}" if name in fields else value
+        fields = opening.headers
         request_id = choose_request_id(fields.get("x-request-id"))
         exchange = cls(request_id, peer, opening.method, opening.target, keep_alive=opening.keep_alive)
         try:
@@ -138,10 +136,14 @@ class Exchange:
                 self.out[0] = self.out[0][count:]
         return True
 
+    def end(self) -> Exchange:
+        """The answer has left, or never will."""
+        self.ended = time.monotonic()
+        return self
+
     def record(self) -> dict[str, object]:
         """The line of the access log."""
         path, _, query = self.target.partition("?")
-        now = time.monotonic()
         line: dict[str, object] = {
             "request_id": self.request_id,
             "peer": self.peer,
@@ -150,16 +152,16 @@ class Exchange:
             "status": self.status,
             "bytes_in": self.received,
             "bytes_out": self.sent,
-            "total_ms": _milliseconds(self.started, now),
+            "total_ms": milliseconds(self.started, self.ended),
         }
         if query:
             line["query"] = shown_query(query)
         if isinstance(self.head, Head) and (trace := _TRACE.fullmatch(self.head.headers.get("traceparent", ""))):
             line |= {"trace_id": trace[1], "parent_id": trace[2], "trace_flags": trace[3]}
         if self.work_started:
-            line["receive_ms"] = _milliseconds(self.started, self.queued)
-            line["queue_ms"] = _milliseconds(self.queued, self.work_started)
-            line["work_ms"] = _milliseconds(self.work_started, self.work_ended)
+            line["receive_ms"] = milliseconds(self.started, self.queued)
+            line["queue_ms"] = milliseconds(self.queued, self.work_started)
+            line["work_ms"] = milliseconds(self.work_started, self.work_ended)
         return {**self.fields, **line}
 
 
@@ -175,5 +177,5 @@ def _flat(body: Body) -> memoryview:
     return view.cast("B") if view.c_contiguous else memoryview(view.tobytes())
 
 
-def _milliseconds(start: float, end: float) -> float:
+def milliseconds(start: float, end: float) -> float:
     return round(1000 * (end - start), 3)

@@ -12,8 +12,11 @@ from __future__ import annotations
 
 import re
 import secrets
+import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from email.utils import formatdate
+from functools import lru_cache
 from http import HTTPStatus
 
 from lichen_service.http.message import Body, Response
@@ -51,35 +54,67 @@ def choose_request_id(offered: str | None) -> str:
 
 def completed(response: Response, request_id: str) -> dict[str, str]:
     """The headers of an answer that do not depend on its connection, checked; raises `BadResponse`."""
-    status = response.status
-    if not 200 <= status <= 599:
-        raise BadResponse(f"{status} is not the status of a final answer")
-    names = {name.lower() for name in response.headers}
-    if len(names) != len(response.headers):
-        raise BadResponse("a header is given twice, in different case")
-    required = _REQUIRED.get(status)
-    if required is not None and required not in names:
-        raise BadResponse(f"{status} requires the header {required}")
-    headers = {"X-Request-ID": request_id, "X-Content-Type-Options": "nosniff"}
-    headers |= {name: value for name, value in response.headers.items() if name.lower() not in _OURS}
-    for name, value in headers.items():
-        _check(name, value)
-    return headers
+    own = _checked(response.status, tuple(response.headers.items()))
+    _check("X-Request-ID", request_id)
+    return {"X-Request-ID": request_id, "X-Content-Type-Options": "nosniff", **dict(own)}
 
 
 def finish(response: Response, *, request_id: str, method: str, keep_alive: bool) -> Wire:
     """Complete, check and encode an answer; raises `BadResponse`."""
-    status = response.status
-    headers = {"Date": formatdate(usegmt=True), **completed(response, request_id)}
+    start, rest, body = frame(response, method, keep_alive)
+    _check("X-Request-ID", request_id)
+    head = b"%b%b\r\nX-Request-ID: %b\r\n%b" % (
+        start.encode("latin-1"),
+        date(int(time.time())),
+        request_id.encode("latin-1"),
+        rest.encode("latin-1"),
+    )
+    return Wire(head, body)
+
+
+def frame(response: Response, method: str, keep_alive: bool) -> tuple[str, str, Body]:
+    """An answer around its date and its request's id: the head up to the one, after the other, and the body. Raises
+    `BadResponse`."""
+    status, body = response.status, response.body
+    own = _lines(status, tuple(response.headers.items()))
     bodiless = status in (204, 304)
+    length = ""
     if response.stream is not None:
         keep_alive = False  # the end of the connection is that of the body
     elif not bodiless:
-        headers["Content-Length"] = str(memoryview(response.body).nbytes)
-    headers["Connection"] = "keep-alive" if keep_alive else "close"
-    lines = [f"HTTP/1.1 {status} {phrase(status)}", *(f"{name}: {value}" for name, value in headers.items())]
-    head = "\r\n".join([*lines, "", ""]).encode("latin-1")
-    return Wire(head, b"" if bodiless or method == "HEAD" else response.body)
+        length = f"Content-Length: {len(body) if isinstance(body, bytes) else memoryview(body).nbytes}\r\n"
+    start = f"HTTP/1.1 {status} {phrase(status)}\r\nDate: "
+    rest = f"{own}{length}Connection: {'keep-alive' if keep_alive else 'close'}\r\n\r\n"
+    return start, rest, b"" if bodiless or method == "HEAD" else body
+
+
+@lru_cache(maxsize=256)
+def _lines(status: int, headers: tuple[tuple[str, str], ...]) -> str:
+    """Those headers as they leave. An answer that is given again and again has the same, so they are remembered."""
+    own = _checked(status, headers)
+    return "".join(f"{name}: {value}\r\n" for name, value in (("X-Content-Type-Options", "nosniff"), *own))
+
+
+def _checked(status: int, headers: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    """The headers of a route's answer without those that are ours to write; raises `BadResponse`."""
+    if not 200 <= status <= 599:
+        raise BadResponse(f"{status} is not the status of a final answer")
+    names = [name.lower() for name, _ in headers]
+    if len(set(names)) != len(names):
+        raise BadResponse("a header is given twice, in different case")
+    required = _REQUIRED.get(status)
+    if required is not None and required not in names:
+        raise BadResponse(f"{status} requires the header {required}")
+    own = [each for each, name in zip(headers, names, strict=True) if name not in _OURS]
+    for name, value in own:
+        _check(name, value)
+    return own
+
+
+@lru_cache(maxsize=2)
+def date(second: int) -> bytes:
+    """The value of `Date` for seconds since the epoch."""
+    return formatdate(second, usegmt=True).encode()
 
 
 def phrase(status: int) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import socket
 import threading
 import time
@@ -18,15 +19,19 @@ from http import HTTPStatus
 
 from lichen_service.http.access_log import AccessLog
 from lichen_service.http.connection import Connection
+from lichen_service.http.exchange import Exchange
 from lichen_service.http.limits import Bounds, WireSettings
 from lichen_service.http.message import Admission, Application, Head, Request, Response
 from lichen_service.http.policy import Refusal
 from lichen_service.http.pool import Pool
+from lichen_service.http.prompt import Prompted, Prompts
 from lichen_service.http.reactor import READ, Reactor
 from lichen_service.http.streaming import Streaming
 from lichen_service.problems import problem
 
 _OUT_OF_MEANS = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
+LOGGED_WITHIN = 0.02
+"""seconds after an answer has left"""
 _ACCEPTS_AT_ONCE = 8
 """few, so that workers that share a listener share its connections"""
 
@@ -50,7 +55,9 @@ class Loop:
         self.bounds = bounds or Bounds()
         self.log = log or AccessLog(tell=getattr(application, "answered", None))
         self.reactor = Reactor()
-        self.reactor.after_round = self.log.flush
+        self.reactor.after_round = self._log_failures
+        self._logging = self.reactor.deadline(self.log.flush)
+        self.prompts = Prompts()
         self.scratch = memoryview(bytearray(self.bounds.read_size))
         self.draining = False
         self.held = 0
@@ -87,6 +94,12 @@ class Loop:
         return len(self._connections)
 
     # What connections ask for
+
+    def answered(self, exchange: Exchange | Prompted) -> None:
+        """An answer has left, or never will: its line is written soon, with those of others."""
+        self.log.answered(exchange)
+        if self._logging.at == math.inf:
+            self._logging.set(exchange.ended + LOGGED_WITHIN)
 
     def go_on(self, connection: Connection, streaming: Streaming) -> None:
         """An answer that goes on takes the place of the connection whose head it began with."""
@@ -180,6 +193,10 @@ class Loop:
         """The 500 of a defect; what went wrong is in the log and nowhere else."""
         detail = "The request could not be answered; the fault is ours."
         return problem(500, "internal-error", "The service failed", detail, request_id=request_id)
+
+    def _log_failures(self) -> None:
+        if self.log.failures:
+            self.log.flush()
 
     # Accepting
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 CLIENT_GONE = 499
 """The status, for the log alone, of a request whose client has hung up."""
@@ -25,8 +25,7 @@ def _nobody(_stage: str) -> None:
     pass
 
 
-@dataclass(frozen=True, slots=True)
-class Head:
+class Head(NamedTuple):
     """A request whose head passed the wire's rules."""
 
     method: str
@@ -84,6 +83,8 @@ class Response:
     """fields for the access log that only the route knows: operation, pixels, method, device, queue and work time"""
     stream: Stream | None = None
     """what goes on after the head, instead of a body, until it ends with the connection"""
+    lasting: bool = False
+    """whether it answers every request with the same head, whoever sends it, as long as the process lives"""
 
 
 @dataclass(frozen=True, slots=True)

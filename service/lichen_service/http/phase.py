@@ -6,6 +6,8 @@ from enum import Enum, auto
 
 
 class Phase(Enum):
+    __hash__ = object.__hash__  # each is there once; hashing its name is a call of Python at every step
+
     IDLE = auto()
     HEAD = auto()
     BODY = auto()

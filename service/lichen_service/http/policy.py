@@ -10,6 +10,8 @@ Rules
   bytes were cut into segments and a hopeless head is refused before its end has come.
 - Whatever frames the message (Content-Length, Transfer-Encoding) or routes it (Host, target) has exactly one reading.
 - A refusal is a value, carries its status, and always ends the connection.
+- Nearly all heads are of one plain kind, which one regular expression decides (`usual_head`). It may only pass: what it
+  does not pass is judged line by line, and what it passes would have been passed there, with the same reading.
 
 Sources: RFC 9110, RFC 9112 (sections 2.2, 3, 5, 6, 7.1), RFC 3986 section 3.2.2 for Host.
 """
@@ -17,8 +19,11 @@ Sources: RFC 9110, RFC 9112 (sections 2.2, 3, 5, 6, 7.1), RFC 3986 section 3.2.2
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+from typing import NamedTuple
 
 import h11
 
@@ -53,6 +58,13 @@ _VERSION = re.compile(rb"HTTP/[0-9]\.[0-9]")
 _LENGTH = re.compile(rb"0|[1-9][0-9]{0,17}")
 _HOST = re.compile(rb"(?:[-A-Za-z0-9._~!$&'()*+,;=%]+|\[[0-9A-Fa-f:.]+\])(?::[0-9]{0,5})?")
 _TARGET = re.compile(rb"/[\x21-\x22\x24-\x7e]*")
+# Without the rarer things that are allowed: HTTP/1.0, OPTIONS *, bytes beyond ASCII, an empty line before.
+_USUAL = re.compile(
+    rb"(GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|QUERY) (/[\x21-\x22\x24-\x7e]*+) HTTP/1\.1\r\n"
+    rb"((?>[-!#$%&'*+.^_`|~0-9A-Za-z]++:[\t\x20-\x7e]*+\r\n)++)\r\n"
+)
+_LARGEST_USUAL = 4096
+"""bytes; below every limit on the parts"""
 
 Field = tuple[bytes, bytes]
 
@@ -66,8 +78,7 @@ class Refusal:
     detail: str
 
 
-@dataclass(frozen=True, slots=True)
-class RawHead:
+class RawHead(NamedTuple):
     """A head with one reading. `target` is in origin form, or `*`."""
 
     method: str
@@ -75,6 +86,8 @@ class RawHead:
     version: str
     fields: tuple[tuple[str, str], ...]
     """lower-case names in the order given"""
+    headers: Mapping[str, str]
+    """the same by name, those that are repeated joined"""
     keep_alive: bool
     expects_continue: bool
 
@@ -165,6 +178,16 @@ def read_head(raw: bytes) -> RawHead | Refusal:
         return refused.refusal
 
 
+def usual_head(buffer: bytearray) -> tuple[int, RawHead] | None:
+    """Bytes and reading of the head that a buffer begins with, if it is whole and of the usual kind."""
+    match = _USUAL.match(buffer, 0, _LARGEST_USUAL)
+    if match is None or (block := _usual_block(match[3])) is None:
+        return None
+    return match.end(), RawHead(
+        match[1].decode(), match[2].decode(), "1.1", block.fields, block.headers, block.keep_alive, block.expects
+    )
+
+
 def check_trailer(line: bytes) -> Refusal | None:
     """Judge one line, CR LF included, after the last chunk. Trailers are dropped afterwards."""
     try:
@@ -176,26 +199,63 @@ def check_trailer(line: bytes) -> Refusal | None:
     return None
 
 
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """What the fields of a head say, whatever its request line."""
+
+    fields: tuple[tuple[str, str], ...]
+    headers: Mapping[str, str]
+    keep_alive: bool
+    expects: bool
+
+
+@lru_cache(maxsize=256)
+def _usual_block(block: bytes) -> _Block | None:
+    """The fields of a usual head of HTTP/1.1; None where the long road will refuse them. A client sends the same ones
+    again and again, so they are remembered."""
+    lines = block.split(b"\r\n")[:-1]
+    if len(lines) > MOST_FIELDS:
+        return None
+    try:
+        fields = [(name.lower(), value.strip(b" \t")) for name, _, value in (line.partition(b":") for line in lines)]
+        if any(name == b"transfer-encoding" for name, _ in fields):
+            return None  # the grammar has the last word on its value
+        return _block("1.1", _judged("1.1", fields), fields)
+    except _Refused:
+        return None
+
+
 def _read_head(raw: bytes) -> RawHead:
     request_line, *lines = raw.lstrip(b"\r\n").removesuffix(b"\r\n\r\n").split(b"\r\n")
     method, target, version = _request_line(request_line)
-    fields = [_field(line) for line in lines]
+    expects = _judged(version, [_field(line) for line in lines])
+    block = _block(version, expects, _by_grammar(raw.lstrip(b"\r\n")).headers)
+    return RawHead(method, target, version, block.fields, block.headers, block.keep_alive, block.expects)
+
+
+def _judged(version: str, fields: Sequence[Field]) -> bool:
+    """Whether the client waits for a word before the body; raises for fields that are not sound together."""
     single = _singles(fields)
     _check_host(version, single)
     _check_framing(version, single)
-    expects = _expectation(version, single)
-    event = _by_grammar(raw.lstrip(b"\r\n"))
-    connection = [
-        option.strip().lower() for name, value in event.headers if name == b"connection" for option in value.split(b",")
-    ]
-    return RawHead(
-        method,
-        target,
-        version,
-        tuple((name.decode("ascii"), value.decode("latin-1")) for name, value in event.headers),
-        keep_alive=version == "1.1" and b"close" not in connection,
-        expects_continue=expects,
-    )
+    return _expectation(version, single)
+
+
+def _block(version: str, expects: bool, fields: Iterable[Field]) -> _Block:
+    read = tuple((name.decode("ascii"), value.decode("latin-1")) for name, value in fields)
+    headers = joined(read)
+    options = {each.strip(" \t").lower() for each in headers.get("connection", "").split(",")}
+    keep_alive = version == "1.1" and "close" not in options
+    return _Block(read, headers, keep_alive, expects)
+
+
+def joined(fields: Iterable[tuple[str, str]]) -> Mapping[str, str]:
+    """Fields by name; those that are repeated become one, as RFC 9110 section 5.3 says."""
+    headers: dict[str, str] = {}
+    for name, value in fields:
+        joint = "; " if name == "cookie" else ", "
+        headers[name] = f"{headers[name]}{joint}{value}" if name in headers else value
+    return MappingProxyType(headers)
 
 
 def _request_line(line: bytes) -> tuple[str, str, str]:

@@ -12,6 +12,7 @@ import heapq
 import itertools
 import math
 import selectors
+import signal
 import socket
 import time
 from collections import deque
@@ -101,6 +102,11 @@ class Reactor:
         # A full pipe of wake-ups wakes just as well; a closed one belongs to a reactor that has ended.
         with contextlib.suppress(BlockingIOError, OSError):
             self._waker.send(b"\0")
+
+    def wake_on_signals(self) -> None:
+        """Let every signal end the wait, also one that comes on the way into it, whose handler would wait with us; on
+        the main thread."""
+        signal.set_wakeup_fd(self._waker.fileno(), warn_on_full_buffer=False)
 
     def run(self) -> None:
         """Serve until `stop`; all that is called must let no exception escape."""

@@ -7,6 +7,8 @@ for a worker that is busy or gone. Workers are fresh interpreters, since the Ope
 Rules
 - A worker that dies is replaced: at once if it had served, else after a growing pause; if none has ever become ready,
   the supervisor gives up and says so.
+- Loading libraries is most of what a start takes. So one spare worker has done that before it is needed, and waits; it
+  is started when all others serve and have had a moment for their first requests.
 - First SIGTERM or SIGINT: workers stop accepting and answer what they have, up to `grace` seconds; exit status 0. A
   second one, or the end of the grace, kills them; exit status 1.
 - As process 1 it also reaps the orphans that the system hands it.
@@ -38,6 +40,8 @@ LONGEST_PAUSE = 5.0
 """seconds between a worker's death and its replacement"""
 MOST_FAILED_STARTS = 3
 """deaths before any worker was ready after which the supervisor gives up"""
+SPARE_AFTER = 3.0
+"""seconds from when all workers serve to the start of the spare one"""
 _ENVIRONMENT = {"MALLOC_ARENA_MAX": "2", "PYTHONFAULTHANDLER": "1"}
 _SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGCHLD, signal.SIGUSR1)
 
@@ -105,6 +109,7 @@ def _bind_unix(path: str) -> socket.socket:
 class _Worker:
     process: subprocess.Popen[bytes]
     ready_fd: int
+    spare: bool = False
     ready: bool = False
     started: float = field(default_factory=time.monotonic)
 
@@ -112,11 +117,14 @@ class _Worker:
 class Supervisor:
     def __init__(self, listener: socket.socket, make_application: str, settings: WireSettings) -> None:
         self._listener = listener
-        self._message = pickle.dumps((make_application, settings))
+        self._maker = pickle.dumps(make_application)
+        self._begin = pickle.dumps(settings)
         self._settings = settings
         self._workers: dict[int, _Worker] = {}
         self._starts: list[float] = [0.0] * settings.workers
         """when the missing workers are to be started"""
+        self._spare_at = math.inf
+        """when the spare one is"""
         self._pause = FIRST_PAUSE
         self._failed_starts = 0
         self._announced = False
@@ -179,6 +187,7 @@ class Supervisor:
         self._ends = time.monotonic() + self._settings.grace + 1.0
         self._listener.close()
         self._starts.clear()
+        self._spare_at = math.inf
         self._tell(signal.SIGTERM)
 
     def _kill(self) -> None:
@@ -198,9 +207,20 @@ class Supervisor:
         due = [at for at in self._starts if at <= now]
         self._starts = [at for at in self._starts if at > now]
         for _ in due:
-            self._start()
+            spare = next((each for each in self._workers.values() if each.spare), None) or self._start()
+            self._let_serve(spare)
+        if self._spare_at <= now:
+            self._spare_at = math.inf
+            self._start().spare = True
 
-    def _start(self) -> None:
+    def _let_serve(self, worker: _Worker) -> None:
+        worker.spare, worker.started = False, time.monotonic()
+        assert worker.process.stdin is not None
+        with contextlib.suppress(BrokenPipeError), worker.process.stdin:
+            worker.process.stdin.write(self._begin)
+
+    def _start(self) -> _Worker:
+        """A worker that loads its libraries and waits."""
         ready_fd, other_end = os.pipe()
         descriptors = (self._listener.fileno(), other_end, self._lifeline)
         process = subprocess.Popen(
@@ -212,10 +232,12 @@ class Supervisor:
         )
         os.close(other_end)
         assert process.stdin is not None
-        with contextlib.suppress(BrokenPipeError), process.stdin:
-            process.stdin.write(self._message)
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.write(self._maker)
+            process.stdin.flush()
         worker = self._workers[process.pid] = _Worker(process, ready_fd)
         self._selector.register(ready_fd, selectors.EVENT_READ, worker)
+        return worker
 
     def _became_ready(self, worker: _Worker) -> None:
         worker.ready = bool(os.read(worker.ready_fd, 1))  # nothing: it died first
@@ -225,6 +247,10 @@ class Supervisor:
         if worker.ready and not self._announced:
             self._announced = True
             print(f"Lichen listens on {self._url()}", flush=True)
+        serving = [each for each in self._workers.values() if each.ready]
+        wanted = self._settings.spare == "on" and self._ends is None
+        if wanted and len(serving) == len(self._workers) == self._settings.workers:
+            self._spare_at = time.monotonic() + SPARE_AFTER
 
     def _reap(self) -> None:
         with contextlib.suppress(ChildProcessError):
@@ -240,6 +266,11 @@ class Supervisor:
     def _lost(self, worker: _Worker) -> None:
         if worker.ready_fd >= 0:
             self._became_ready(worker)
+        if worker.spare and worker.process.stdin is not None:
+            worker.process.stdin.close()
+        if worker.spare and self._ends is None:
+            self._spare_at = time.monotonic() + max(SPARE_AFTER, self._pause)
+            return
         if self._ends is not None:
             # Before it is ready a worker has nothing to lose, and ends on SIGTERM as any process does.
             self._killed |= worker.ready and worker.process.returncode != 0
@@ -252,7 +283,7 @@ class Supervisor:
         self._starts.append(time.monotonic() + (0.0 if worker.ready and lasted else self._pause))
 
     def _patience(self) -> float | None:
-        soonest = min([*self._starts, math.inf if self._ends is None else self._ends])
+        soonest = min([*self._starts, self._spare_at, math.inf if self._ends is None else self._ends])
         return None if soonest == math.inf else max(0.0, soonest - time.monotonic())
 
     def _url(self) -> str:

@@ -51,7 +51,7 @@ class Streaming:
         self._loop.reactor.watch(self._socket, 0, self.ready)
         self._deadline.forget()
         self._socket.close()
-        self._loop.log.answered(self._exchange.record())
+        self._loop.answered(self._exchange.end())
         self._stream.close()
         self._loop.closed(self)
 

@@ -2,8 +2,9 @@
 
     python -m lichen_service.http.worker LISTENER READY LIFELINE          (file descriptors; see server.py)
 
-Standard input holds the pickled name of the application's maker and the settings, written by the supervisor. READY
-gets one byte once requests can be answered. LIFELINE is readable only when the supervisor has died; the worker then
+Standard input brings the pickled name of the application's maker, at which the libraries are loaded, and then the
+settings, at which serving begins; in a spare worker that may be much later, or never. READY gets one byte once requests
+can be answered. LIFELINE is readable only when the supervisor has died; the worker then
 ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to standard error.
 
 The process ends without tearing the interpreter down: threads that compute (a warm-up, a calibration, a job that will
@@ -28,18 +29,25 @@ from lichen_service.http.loop import Loop
 from lichen_service.http.message import Application
 from lichen_service.http.reactor import READ
 
-SWITCH_INTERVAL = 0.001
-"""seconds; the loop thread asks for the interpreter often and briefly, and the default of 5 ms would be its latency"""
+SWITCH_INTERVAL = 0.0001
+"""seconds; the loop thread asks for the interpreter often and briefly, several times for each request, and under load
+waits as long each time: the default of 5 ms would be its latency many times over"""
 
 
 def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR1, all_threads=True)
     sys.setswitchinterval(SWITCH_INTERVAL)
-    maker, settings = cast("tuple[str, WireSettings]", pickle.load(sys.stdin.buffer))
+    maker = cast("str", pickle.load(sys.stdin.buffer))
+    prepare(maker)
+    try:
+        settings = cast("WireSettings", pickle.load(sys.stdin.buffer))
+    except EOFError:  # the supervisor is gone, and needs no spare
+        os._exit(0)
     application = make(maker)
     with socket.socket(fileno=listener_fd) as listener:
         loop = Loop(listener, application, settings)
+        loop.reactor.wake_on_signals()
         signal.signal(signal.SIGTERM, lambda *_: loop.stop())
         loop.reactor.watch(lifeline_fd, READ, lambda _mask: _orphaned(loop, lifeline_fd))
         os.write(ready_fd, b"\1")
@@ -50,6 +58,12 @@ def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0 if drained else 1)
+
+
+def prepare(maker: str) -> None:
+    """Load what the application is made of, and whatever else its module's `prepare` finds useful. No thread is
+    begun."""
+    getattr(importlib.import_module(maker.partition(":")[0]), "prepare", lambda: None)()
 
 
 def make(maker: str) -> Application:

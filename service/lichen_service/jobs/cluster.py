@@ -14,7 +14,6 @@ from __future__ import annotations
 import secrets
 import threading
 import time
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -57,7 +56,7 @@ class Cluster:
             given = [bytes(request.body), [each for each in images if each is not None]]
             # Apart from the call, which the scheduler keeps, while these go to a worker.
             sent = client.scatter(given, hash=False)
-            plain = replace(head, alive=_always, began=_nobody, received=0.0, deadline=head.deadline - time.monotonic())
+            plain = head._replace(alive=_always, began=_nobody, received=0.0, deadline=head.deadline - time.monotonic())
             asked = (self._settings, lichen.__version__, plain)
             done = client.submit(compute, *asked, *sent, key=f"lichen-job-{secrets.token_hex(8)}", pure=False)
             return self._wait(head, client, done)
@@ -102,7 +101,7 @@ def compute(settings: Settings, version: str, head: Head, body: Body, images: li
     if version != lichen.__version__:
         raise RuntimeError(f"the worker has version {lichen.__version__} of the engine, the service {version}")
     now = time.monotonic()
-    answer = _inside(settings).respond(Request(replace(head, received=now, deadline=now + head.deadline), body), images)
+    answer = _inside(settings).respond(Request(head._replace(received=now, deadline=now + head.deadline), body), images)
     return answer.status, answer.headers, bytes(answer.body)
 
 

@@ -11,24 +11,36 @@ import lichen
 from lichen import catalogue
 from lichen.opencl.device import default_device, status
 from lichen_service.descriptions import limits_of
-from lichen_service.documents import canonical, document, momentary
-from lichen_service.http.message import Request, Response
+from lichen_service.documents import Shelf, canonical, momentary
+from lichen_service.http.message import Head, Request, Response
 from lichen_service.openapi import openapi
 from lichen_service.readiness import Readiness
 from lichen_service.refusals import RETRY_AFTER, Refusal
 from lichen_service.settings import Settings
 
+ALIVE, READY = "/livez", "/readyz"
 LIBRARIES = ("numpy", "pyopencl", "opencv-python-headless", "OpenImageIO", "pydantic", "h11")
 
 
 class System:
-    def __init__(self, settings: Settings, readiness: Readiness) -> None:
+    def __init__(self, settings: Settings, readiness: Readiness, shelf: Shelf) -> None:
         self._settings = settings
         self._readiness = readiness
+        self._shelf = shelf
 
     def alive(self, request: Request, name: str) -> Response:
         """The process answers; nothing else is said."""
         return momentary(200, {"status": "alive"})
+
+    def at_once(self, head: Head) -> Response | None:
+        """What the loop itself can say of `/livez` and `/readyz`; None where the canary has to be asked first."""
+        if head.method not in ("GET", "HEAD"):
+            return None
+        if head.path == ALIVE:
+            answer = momentary(200, {"status": "alive"})
+            answer.lasting = True
+            return answer
+        return momentary(200, {"status": "ready"}) if head.path == READY and self._readiness.fresh else None
 
     def ready(self, request: Request, name: str) -> Response:
         """A tiny image has just gone through a real operation; else a 503 that says why not."""
@@ -45,23 +57,18 @@ class System:
         )
 
     def version(self, request: Request, name: str) -> Response:
-        return document(request.head, canonical(versions()))
+        return self._shelf.answer(request.head, lambda: canonical(versions()))
 
     def limits(self, request: Request, name: str) -> Response:
-        return document(request.head, _limits(self._settings))
+        return self._shelf.answer(request.head, lambda: canonical(limits_of(self._settings)))
 
     def openapi(self, request: Request, name: str) -> Response:
-        return document(request.head, _openapi())
+        return self._shelf.answer(request.head, _openapi)
 
 
 @cache
 def _openapi() -> bytes:
     return canonical(openapi(catalogue.operations()))
-
-
-@cache
-def _limits(settings: Settings) -> bytes:
-    return canonical(limits_of(settings))
 
 
 @cache

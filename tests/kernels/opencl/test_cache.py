@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -35,3 +38,30 @@ def test_without_any_there_is_nothing_to_adopt(named: str, tmp_path: Path, monke
     monkeypatch.setenv("POCL_CACHE_DIR", str(folder))
     assert cache.prepare() == folder
     assert list(folder.iterdir()) == []
+
+
+GOING = """
+import shutil, sys
+import numpy as np
+import lichen
+image = np.full((4, 4, 3), 0.25, np.float32)
+for operation, parameters in (("premultiply", {}), ("levels", {"gamma": 2.0})):
+    result = lichen.run(operation, image, device="opencl", prune=False, **parameters)
+    print(result.device, np.isfinite(result.image.pixels).all())
+    shutil.rmtree(sys.argv[1])
+"""
+
+
+@pytest.mark.usefixtures("device")
+def test_a_folder_that_goes_while_kernels_run_is_made_again(tmp_path: Path) -> None:
+    folder = tmp_path / "kernels"
+    folder.mkdir()
+    found = subprocess.run(
+        [sys.executable, "-c", GOING, str(folder)],
+        env=os.environ | {"POCL_CACHE_DIR": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert found.stdout.split() == ["opencl", "True"] * 2, found.stderr

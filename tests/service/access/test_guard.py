@@ -7,6 +7,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -49,6 +50,27 @@ def test_a_key_opens_and_nothing_else_does(guarded: tuple[Caller, str, str], png
             assert call.admitted[-1] is False
     assert 'error="invalid_token"' in call("GET", "/v1/limits", headers=bearer("x")).headers["WWW-Authenticate"]
     assert "error=" not in call("GET", "/v1/limits").headers["WWW-Authenticate"]
+
+
+def test_what_is_looked_up_is_looked_up_for_those_alone_who_may_know(guarded: tuple[Caller, str, str]) -> None:
+    call, token, _ = guarded
+    for _ in range(3):
+        known = call("GET", "/v1/limits", headers=bearer(token))
+        assert (known.status, known.lasting) == (200, False)
+        assert known.log["key"]
+        problem_of(call("GET", "/v1/limits"), 401, "unauthorized")
+    assert call.admitted.count(True) == 1
+    assert call("GET", "/livez").lasting
+
+
+@pytest.mark.parametrize("chosen", [{"rate": 60.0}, {"trusted_proxies": "127.0.0.1"}])
+def test_where_it_matters_who_asks_no_answer_is_for_everybody(
+    tmp_path: Path, settings: Settings, chosen: dict[str, Any]
+) -> None:
+    strict = replace(settings, data=str(tmp_path), **chosen)
+    call = Caller(Service(strict), strict)
+    call("GET", "/v1/limits")
+    assert (call("GET", "/v1/limits").lasting, call.admitted) == (False, [True, False])
 
 
 def test_probes_need_no_key(guarded: tuple[Caller, str, str]) -> None:

@@ -59,16 +59,17 @@ def ours(data: bytes, cuts: random.Random) -> tuple[Read, int] | None:
     scanner, buffer, at = HeadScanner(), bytearray(), 0
     while True:
         end = scanner.scan(buffer)
-        if isinstance(end, Refusal):
+        if isinstance(end, Refusal) or (end is None and at == len(data)):
+            assert policy.usual_head(bytearray(data)) is None, data
             return None
         if end is not None:
             break
-        if at == len(data):
-            return None
         step = cuts.randint(1, 40)
         buffer += data[at : at + step]
         at = min(len(data), at + step)
     head = policy.read_head(data[:end])
+    usual = policy.usual_head(bytearray(data))
+    assert usual is None or usual == (end, head), data
     if not isinstance(head, RawHead):
         return None
     known = dict(head.fields)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+import time
 from dataclasses import dataclass
+from datetime import datetime
 
 import pytest
 
@@ -145,15 +147,37 @@ def test_json_never_holds_nan() -> None:
     assert to_json("\ud800\u20ac") == '"?\u20ac"'.encode()
 
 
+@dataclass
+class Line:
+    """An exchange as the log sees it."""
+
+    fields: dict[str, object]
+
+    def record(self) -> dict[str, object]:
+        return self.fields
+
+
 def test_log_lines_cannot_be_forged() -> None:
     stream = io.StringIO()
     log = AccessLog(stream)
-    log.answered({"path": '/a\n{"event":"forged"}\x1b[2J', "error": float("nan"), "odd": {1, 2} - {2}})
+    log.answered(Line({"path": '/a\n{"event":"forged"}\x1b[2J', "error": float("nan"), "odd": {1}, "raw": object}))
     log.flush()
     (line,) = stream.getvalue().splitlines()
     written = json.loads(line)
     assert written["path"] == '/a\n{"event":"forged"}\x1b[2J'
-    assert (written["error"], written["odd"], written["event"]) == (None, "{1}", "request")
+    assert (written["error"], written["odd"], written["event"]) == (None, [1], "request")
+    assert written["raw"] == str(object)
+    assert datetime.fromisoformat(written["time"]).timestamp() == pytest.approx(time.time(), abs=60)
+
+
+def test_a_line_that_is_not_unicode_is_written_all_the_same() -> None:
+    stream, told = io.StringIO(), []
+    log = AccessLog(stream, tell=told.extend)
+    for path in ("/a", "/\ud800"):
+        log.answered(Line({"path": path}))
+    log.flush()
+    assert [json.loads(line)["path"] for line in stream.getvalue().splitlines()] == ["/a", "/?"]
+    assert [line["path"] for line in told] == ["/a", "/\ud800"]
 
 
 def test_queries_are_shown_short_and_without_secrets() -> None:

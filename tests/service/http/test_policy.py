@@ -69,6 +69,29 @@ def test_valid_head_reads_the_same_at_every_split(data: bytes) -> None:
     assert judge([data[at : at + 1] for at in range(len(data))]) == whole
 
 
+@pytest.mark.parametrize("data", [*VALID, *(data for _, data, _ in HEADS)])
+def test_the_short_road_passes_nothing_that_the_long_one_does_not(data: bytes) -> None:
+    usual = policy.usual_head(bytearray(data))
+    if usual is not None:
+        end = HeadScanner().scan(bytearray(data))
+        assert isinstance(end, int)
+        assert usual == (end, policy.read_head(data[:end]))
+
+
+def test_the_short_road_is_the_one_that_is_taken() -> None:
+    """Heads as browsers and libraries send them, and none that is unusual."""
+    head = b"GET /a?b=c HTTP/1.1\r\nHost: a:80\r\nAccept: */*\r\nCookie: a=b\r\nCookie: c=d\r\nX-Empty:\r\n\r\n"
+    usual = policy.usual_head(bytearray(head + b"GET"))
+    assert usual is not None
+    assert usual[0] == len(head)
+    assert usual[1].headers == {"host": "a:80", "accept": "*/*", "cookie": "a=b; c=d", "x-empty": ""}
+    assert policy.usual_head(bytearray(head[:-1])) is None
+    assert policy.usual_head(bytearray(b"GET / HTTP/1.0\r\nHost: a\r\n\r\n")) is None
+    assert policy.usual_head(bytearray(head[:-2] + b"X-Long: " + b"a" * 4096 + b"\r\n\r\n")) is None
+    assert policy.usual_head(bytearray(head[:-2] + b"Transfer-Encoding: chunked\r\n\r\n")) is None
+    assert policy.usual_head(bytearray(head[:-2] + b"X-Many: a\r\n" * policy.MOST_FIELDS + b"\r\n")) is None
+
+
 def test_what_is_read() -> None:
     verdict = judge([VALID[1] + b"GET"])
     assert isinstance(verdict, tuple)

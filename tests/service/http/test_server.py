@@ -20,9 +20,10 @@ from lichen_service.http.server import bind
 
 MAIN = """
 import sys
-from lichen_service.http.server import serve
+from lichen_service.http import server
 from wire_harness import WireConfig
-status = serve(sys.argv[1], WireConfig(**eval(sys.argv[2])))
+server.SPARE_AFTER = 0.0
+status = server.serve(sys.argv[1], WireConfig(**eval(sys.argv[2])))
 heavy = {"lichen", "numpy", "pyopencl"} & set(sys.modules)
 print("imported", sorted(heavy), flush=True)
 sys.exit(status)
@@ -30,7 +31,7 @@ sys.exit(status)
 
 
 class Service:
-    def __init__(self, errors: Path, maker: str, settings: dict[str, float]) -> None:
+    def __init__(self, errors: Path, maker: str, settings: dict[str, object]) -> None:
         here = str(Path(__file__).parent)
         path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH")]))
         self.errors = errors
@@ -65,6 +66,16 @@ class Service:
                 assert time.monotonic() < end
                 time.sleep(0.02)
 
+    def workers(self, count: int) -> set[int]:
+        """Processes of all workers, once there are so many."""
+        end = time.monotonic() + PATIENCE
+        while True:
+            found = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+            if len(found) == count:
+                return set(map(int, found))
+            assert time.monotonic() < end
+            time.sleep(0.01)
+
     def wait(self) -> int:
         return self.process.wait(PATIENCE)
 
@@ -73,7 +84,7 @@ class Service:
 def start(tmp_path: Path) -> Iterator[Callable[..., Service]]:
     services: list[Service] = []
 
-    def begin(maker: str = "wire_harness:create", **settings: float) -> Service:
+    def begin(maker: str = "wire_harness:create", **settings: object) -> Service:
         service = Service(tmp_path / f"errors-{len(services)}", maker, settings)
         services.append(service)
         return service
@@ -166,6 +177,33 @@ def test_a_worker_that_dies_is_replaced(start: Callable[..., Service]) -> None:
     assert service.wait() == 0
 
 
+def test_a_spare_worker_stands_in_and_gets_a_successor(start: Callable[..., Service]) -> None:
+    service = start(spare="on")
+    service.listen()
+    first = service.pid()
+    (spare,) = service.workers(2) - {first}
+    os.kill(first, signal.SIGKILL)
+    until_said(service, f"lost worker {first}")
+    assert service.pid() == spare
+    (successor,) = service.workers(2) - {spare}
+    os.kill(successor, signal.SIGKILL)
+    until_gone(successor)
+    (another,) = service.workers(2) - {spare}
+    assert service.pid() == spare
+    assert f"lost worker {successor}" not in service.errors.read_text(), "it served nobody"
+    service.process.kill()
+    until_gone(spare)
+    until_gone(another)
+
+
+def test_a_spare_worker_is_no_hindrance_to_the_end(start: Callable[..., Service]) -> None:
+    service = start(spare="on")
+    service.listen()
+    service.workers(2)
+    service.process.send_signal(signal.SIGTERM)
+    assert service.wait() == 0
+
+
 def test_workers_end_with_their_supervisor(start: Callable[..., Service]) -> None:
     service = start()
     service.listen()
@@ -193,6 +231,7 @@ def test_an_address_in_use_is_said_plainly(start: Callable[..., Service]) -> Non
 def test_sigusr1_shows_where_the_threads_are(start: Callable[..., Service]) -> None:
     service = start()
     service.listen()
+    service.pid()  # the loop goes round
     service.process.send_signal(signal.SIGUSR1)
     said = until_said(service, "reactor.py")
     assert "Thread 0x" in said

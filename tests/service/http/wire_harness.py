@@ -25,6 +25,7 @@ class WireConfig:
     host: str = "127.0.0.1"
     port: int = 0
     workers: int = 1
+    spare: str = "off"
     threads: int = 2
     queue: int = 64
     header_timeout: float = 5.0
@@ -61,11 +62,16 @@ class Toy:
         self.waiting = threading.Semaphore(0)
         """released once for each request that has begun to wait"""
         self.gate = threading.Event()
+        self.admitted = 0
         self.source = Source()
 
     def admit(self, head: Head) -> Admission | Response:
         if head.path == "/defective-admit":
             raise RuntimeError("secret of admit")
+        self.admitted += 1
+        if head.path == "/lasting":
+            body = b"x" * int(dict(head.headers).get("x-bytes", 5))
+            return Response(200, body, {"ETag": '"a"'}, {"route": "/lasting"}, lasting=True)
         if head.path == "/refused":
             return Response(404, b"no", {"Content-Type": "text/plain"})
         return Admission(1000 if head.path == "/small" else 1 << 26)
