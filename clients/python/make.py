@@ -23,7 +23,7 @@ from lichen_service.descriptions import inlined, options_schema
 
 TARGET = Path(__file__).parent / "lichen_client" / "operations.py"
 WIDTH = 110
-NOT_OF_A_RESULT = ("explain",)
+NOT_OF_A_RESULT = ("explain", "findings")
 """Options that make another kind of answer; they have methods of their own."""
 HEAD = '''"""Every operation as a method. Made by clients/python/make.py from the catalogue; not to be edited."""
 

@@ -22,6 +22,11 @@ SAMPLES = HERE.parent / "samples"
 PICTURES = {
     "blurred": ("gaussian:sigma=6", ("photo.jpg",)),
     "flow": ("field:kind=gyre,width=640,height=640,time=2|lic:length=28,kernel=hann,contrast=0.25,colour=magma", ()),
+    "terrain": (
+        "resize:width=806,height=688|gaussian:sigma=2|vector:make=gradient"
+        "|lic:length=24,kernel=hann,contrast=0.22,colour=magma|crop:left=120,top=24,width=640,height=640",
+        ("terrain.exr",),
+    ),
     "cells": ("worley_noise:width=640,height=640,cell=80,tile=true,fractal=none", ()),
     "clouds": ("perlin_noise:width=640,height=640,cell=320,octaves=9,warp=90,tile=true|colour_map:map=magma", ()),
     "tracks": ("field:kind=cylinder,width=640,height=640|streamlines:spacing=14,width=1.6,length=1000", ()),
@@ -47,6 +52,12 @@ def made(pipeline: Any, inputs: Sequence[str]) -> Image:
     return result.image
 
 
+def painted() -> Image:
+    """The photo, smeared along its own edges."""
+    photo, field = (decode((SAMPLES / each).read_bytes()) for each in ("photo.jpg", "field.exr"))
+    return lichen.run("lic", field, texture=photo, length=7, kernel="hann").image
+
+
 def textures() -> Image:
     """All named textures in a row."""
     each = [made(lichen.texture(name, width=320, height=320), ()).pixels for name in lichen.textures()]
@@ -61,7 +72,7 @@ def scene() -> Image:
     return lichen.run("resize", lichen.render(said).image, width=width, height=height, space="srgb").image
 
 
-OTHERS = {"textures": textures, "scene": scene}
+OTHERS = {"painted": painted, "textures": textures, "scene": scene}
 
 
 if __name__ == "__main__":

@@ -275,6 +275,9 @@ class Operation(Generic[P]):
     description: str = ""
     study: Callable[[], Study] | None = None
     """measures what is worth knowing of it beside its errors; made once, and kept"""
+    table: Callable[[Mapping[str, Any]], Array] | None = None
+    """its findings as rows of numbers, float64 (n, columns), where they are such; `table_columns` names the columns"""
+    table_columns: tuple[str, ...] = ()
     methods: dict[str, Method[P]] = field(default_factory=dict, init=False)
     _truth: Callable[[Inputs, P], Array] | None = field(default=None, init=False)
     _findings: Callable[[Inputs, P, Array], Mapping[str, Any]] | None = field(default=None, init=False)

@@ -40,6 +40,7 @@ def description_of(operation: Operation[Any], settings: Settings) -> dict[str, A
         "description": operation.description,
         "light": operation.light,
         "findings": operation.finds,
+        "table": list(operation.table_columns),
         "inputs": [_input(each) for each in operation.inputs],
         "parameters": inlined(operation.schema()),
         "options": options_schema(),

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lichen.errors import Flaw, InvalidRequest
-from lichen.files import FORMATS, Format
+from lichen.files import FORMATS, READABLE, Format
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.operation import Facts
 from lichen_service.negotiation import acceptable
@@ -77,7 +77,7 @@ def agree(options: Options, accept: str | None, result: Facts, origin: Origin) -
     return deliveries[chosen]
 
 
-_READABLE = tuple(sorted({media_type for each in FORMATS.values() for media_type in each.media_types}))
+_READABLE = tuple(sorted({media_type for each in READABLE.values() for media_type in each.media_types}))
 _MEDIA_TYPES = {name: each.media_types for name, each in FORMATS.items()}
 
 

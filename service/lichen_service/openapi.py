@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any
 
 import lichen
-from lichen.files import FORMATS
+from lichen.files import FORMATS, READABLE
 from lichen.operation import Input, Knob, Operation
 from lichen.presets import Size, textures
 from lichen.scene.description import Scene
@@ -136,7 +136,7 @@ def _pipelines_path() -> dict[str, Any]:
         "additionalProperties": {"type": "string", "format": "binary"},
     }
     images: dict[str, Any] = {
-        media_type: {"schema": {}} for each in FORMATS.values() for media_type in each.media_types
+        media_type: {"schema": {}} for each in READABLE.values() for media_type in each.media_types
     }
     said = {
         "name": "pipeline",
@@ -294,7 +294,7 @@ def _request_body(operation: Operation[Any]) -> dict[str, Any]:
     required = [each.name for each in operation.inputs if each.required]
     content: dict[str, Any] = {}
     if len(required) <= 1 and operation.inputs:
-        content = {media_type: {"schema": {}} for each in FORMATS.values() for media_type in each.media_types}
+        content = {media_type: {"schema": {}} for each in READABLE.values() for media_type in each.media_types}
     form = {"type": "object", "properties": {each.name: binary for each in operation.inputs}, "required": required}
     return {"required": bool(required), "content": {**content, FORM: {"schema": form}}}
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from lichen.files import FORMATS
+from lichen.files import READABLE
 
 _PROBLEM = {"$ref": "#/components/responses/Problem"}
 _ID = {"name": "name", "in": "path", "required": True, "schema": {"type": "string"}}
 
 
 def asset_paths() -> dict[str, Any]:
-    images: dict[str, Any] = {each: {"schema": {}} for format in FORMATS.values() for each in format.media_types}
+    images: dict[str, Any] = {each: {"schema": {}} for format in READABLE.values() for each in format.media_types}
     stored = {"description": "Its name and what its header says", "content": {"application/json": {"schema": _asset()}}}
     return {
         "/v1/assets": {
@@ -47,7 +47,7 @@ def _asset() -> dict[str, Any]:
     number = {"type": "integer"}
     text = {"type": "string"}
     fields = {"id": text, "bytes": number, "media_type": text, "width": number, "height": number, "channels": number}
-    return {"type": "object", "properties": fields, "required": [*fields]}
+    return {"type": "object", "properties": fields, "required": ["id", "bytes", "media_type"]}
 
 
 def job_paths() -> dict[str, Any]:
@@ -132,7 +132,7 @@ def _job() -> dict[str, Any]:
         **dict.fromkeys(("created", "started", "finished", "updated", "expires"), moment),
         "links": {"type": "object", "additionalProperties": {"type": "string"}},
     }
-    return {"type": "object", "properties": fields, "required": [*fields]}
+    return {"type": "object", "properties": fields, "required": ["id", "bytes", "media_type"]}
 
 
 def _order() -> dict[str, Any]:

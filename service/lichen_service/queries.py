@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from lichen.accuracy.precision import Precision
 from lichen.errors import Flaw, InvalidRequest, nearest
-from lichen.files import FORMATS
+from lichen.files import FORMATS, selection
 from lichen.image import Alpha, Space, Storage
 from lichen.operation import Knob, Operation
 from lichen.order import Nonfinite
@@ -46,6 +46,11 @@ class Options(BaseModel):
     """leave out work that cannot change the result by more than the asked error"""
     nonfinite: Nonfinite = Nonfinite.PROPAGATE
     """what to do with NaN and infinity in the inputs"""
+    select: str = Field("", max_length=1000)
+    """of inputs that are files of data: components and places to read, as in u=u10,v=v10,time=3,level=@850; a part
+    may begin with the name of an input, later.time=4, and is for that one alone"""
+    findings: Literal["json", "npy"] | None = None
+    """answer with what the operation found and no picture: as JSON, or as a table of numbers in NPY where it is one"""
     format: str | None = None
     """format of the result by name; overrides `Accept`"""
     storage: Storage | None = None
@@ -54,6 +59,14 @@ class Options(BaseModel):
     """what the numbers of the result mean; left out: what is natural to its format"""
     alpha: Alpha | None = None
     """what the last channel of the result is, where the input has coverage; left out: what its format holds"""
+
+    @field_validator("select")
+    @classmethod
+    def _selecting(cls, text: str) -> str:
+        try:
+            return selection.check(text)
+        except InvalidRequest as invalid:
+            raise ValueError(invalid.flaws[0].detail) from None
 
 
 RESERVED = frozenset(Options.model_fields)
@@ -157,6 +170,10 @@ def _flaws_of_options(operation: Operation[Any], options: Options) -> list[Flaw]
         flaws.append(Flaw("/query/method", f"is not a method; {nearest(options.method, operation.methods)}"))
     if options.format is not None and options.format not in FORMATS:
         flaws.append(Flaw("/query/format", f"is not a format; {nearest(options.format, FORMATS)}"))
+    if options.findings is not None and not operation.finds:
+        flaws.append(Flaw("/query/findings", f"{operation.name} finds nothing"))
+    elif options.findings == "npy" and operation.table is None:
+        flaws.append(Flaw("/query/findings", f"what {operation.name} finds is no table; json is offered"))
     return flaws
 
 

@@ -16,15 +16,19 @@ Values are single lines of ASCII. Text in quotes follows RFC 9651 (strings); wha
 
 from __future__ import annotations
 
+import io
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from decimal import ROUND_CEILING, Decimal, localcontext
-from typing import Protocol
+from typing import Any, Protocol
+
+import numpy as np
 
 from lichen.accuracy.precision import Precision
 from lichen.engine import Result
 from lichen.files import Encoded
 from lichen.image import Storage
+from lichen.operation import Operation
 from lichen.verification import Verification
 
 LONGEST = 2000
@@ -45,6 +49,14 @@ class Deciding(Protocol):
     def reason(self) -> str: ...
     @property
     def bound(self) -> float: ...
+
+
+def table_of(operation: Operation[Any], findings: Mapping[str, Any]) -> bytes:
+    """Findings that are a table, as NPY of two dimensions."""
+    assert operation.table is not None
+    written = io.BytesIO()
+    np.save(written, operation.table(findings), allow_pickle=False)
+    return written.getvalue()
 
 
 def report(result: Result, storage: Storage, encoded: Encoded | None = None) -> dict[str, str]:

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 
@@ -202,6 +203,25 @@ def test_further_inputs_are_named_options(command: Lichen, tmp_path: Path) -> No
     assert status == 0, err
     expected = lichen.run("lic", np.load(field), texture=np.load(texture), length=3, method="rk4", device="numpy")
     np.testing.assert_array_equal(np.load(out), expected.image.pixels)
+
+
+def test_a_field_in_netcdf_becomes_lines_in_npy(command: Lichen, tmp_path: Path) -> None:
+    wind, lines = tmp_path / "wind.nc", tmp_path / "lines.npy"
+    with netCDF4.Dataset(wind, "w") as file:
+        for name, size in (("time", 2), ("lat", 24), ("lon", 32)):
+            file.createDimension(name, size)
+        for name, value in (("u", 1), ("v", 0)):
+            file.createVariable(name, "f4", ("time", "lat", "lon"))[:] = [[[0]], [[value]]]
+    run = ["run", "streamlines", wind, lines, "--spacing=8", "--length=8", "--device=numpy", "--findings=npy"]
+    assert command(*run, "--select", "time=1")[0] == 0
+    table = np.load(lines)
+    assert table.shape[1] == 3
+    assert (np.diff(table[:, 1])[np.diff(table[:, 0]) == 0] > 0).all()
+    assert command(*run)[0] == 0
+    assert np.load(lines).shape == (0, 3)  # nothing blows at first
+    status, _, said = command(*run, "--select", "time=2,noon=1")
+    assert status != 0
+    assert "--select: noon is no dimension" in said
 
 
 def test_every_flaw_is_named_at_once(command: Lichen, photo: Path, tmp_path: Path) -> None:

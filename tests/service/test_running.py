@@ -449,3 +449,20 @@ def test_a_form_of_too_many_parts_is_refused(call: Caller, png: bytes) -> None:
     body, headers = form({f"image{n}": b"x" for n in range(call.settings.max_images + 1)})
     problem = problem_of(call("POST", f"{BLUR}?sigma=2", body, headers), 413, "too-large")
     assert problem["limit"] == call.settings.max_images
+
+
+def test_findings_come_alone_as_json_or_as_a_table(call: Caller) -> None:
+    y, x = np.mgrid[:24, :24] - 11.5
+    field = npy(np.stack([-y, x], axis=-1).astype(np.float32))
+    run = "/v1/operations/streamlines?spacing=6&length=20&device=numpy"
+    found = read_json(call("POST", f"{run}&findings=json&format=png", field))
+    answer = call("POST", f"{run}&findings=npy", field)
+    assert answer.headers["Content-Type"] == "application/x-npy"
+    table = np.load(io.BytesIO(bytes(answer.body)))
+    assert table[:, 1:].tolist() == [point for line in found["lines"] for point in line["points"]]
+    assert answer.headers["ETag"] != call("POST", run, field).headers["ETag"]
+    for operation in ("lic", "compare"):
+        path = f"/v1/operations/{operation}?findings=npy"
+        assert "/query/findings" in pointers(problem_of(call("POST", path, field), 422, "invalid-request"))
+    path = "/v1/pipelines?pipeline=streamlines&findings=npy"
+    assert pointers(problem_of(call("POST", path, field), 422, "invalid-request")) == {"/query/findings"}

@@ -13,6 +13,7 @@ import platform
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from lichen_cli.main import FAILED, Parser
@@ -120,9 +121,13 @@ def _device() -> Check:
 
 
 def _formats() -> Iterator[Check]:
-    from lichen.files import FORMATS
+    from lichen.files import READABLE
 
-    for format in FORMATS.values():
+    for format in READABLE.values():
+        if format.selects:
+            there = all(find_spec(each.partition(".")[0]) for each in format.modules)
+            told = "read, not written" if there else "not read without pip install 'lichen[fields]'"
+            yield Check("formats", format.name, there or None, told)
         for storage in format.storages:
             try:
                 wrong = _round_trip(format, storage)

@@ -14,6 +14,8 @@ from lichen_cli.main import Usage
 if TYPE_CHECKING:
     import lichen
     from lichen.files import Encoded
+    from lichen.image import Image
+    from lichen.operation import Operation
 
 
 def read(path: str) -> bytes:
@@ -47,6 +49,32 @@ def format_of(path: str) -> str:
     if found is None:
         raise Usage(f"{path}: the suffix names no format; give one with --format")
     return found.name
+
+
+def decoded(data: Mapping[str, bytes], select: str) -> dict[str, Image]:
+    """The images of files by their names, and of those of data what is selected."""
+    from lichen.errors import Flaw, InvalidRequest
+    from lichen.files import decode, recognise, selection
+
+    if select and not any(recognise(each).selects for each in data.values()):
+        raise InvalidRequest("There is nothing to select from.", [Flaw("/query/select", "no input is a file of data")])
+    return {name: decode(each, select=selection.for_input(select, name, list(data))) for name, each in data.items()}
+
+
+def format_held(data: bytes) -> str:
+    """The name of a file's format, or of the one that its numbers could be written in."""
+    from lichen.files import FORMATS, recognise
+
+    name = recognise(data).name
+    return name if name in FORMATS else "npy"
+
+
+def found(operation: Operation[Any], findings: Mapping[str, Any], form: str) -> bytes:
+    """What an operation found, as JSON or as a table."""
+    from lichen_service.documents import canonical
+    from lichen_service.reports import table_of
+
+    return table_of(operation, findings) if form == "npy" else canonical(findings)
 
 
 def picture_of(result: lichen.Result, encoded: Encoded) -> dict[str, Any]:

@@ -28,7 +28,7 @@ input or output."""
 def main(arguments: Sequence[str]) -> int:
     import lichen
     from lichen.errors import Flaw, InvalidRequest
-    from lichen.files import decode, encode
+    from lichen.files import encode
     from lichen.planning.pipeline import nodes_of, read
     from lichen_cli import remote
     from lichen_cli.options import joined
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str]) -> int:
         return remote.run_pipeline(url, ask, {name: sources[name] for name in pipeline.inputs}, targets)
     started = time.perf_counter()
     data = {name: files.read(path) for name, path in sources.items()}
-    images = {name: decode(each) for name, each in data.items()}
+    images = files.decoded(data, options.select)
     decoded = time.perf_counter()
     deliveries = _deliveries(pipeline, options, targets, data, images)
     wanted = _delivered(pipeline, deliveries)
@@ -97,7 +97,7 @@ def _parser() -> Parser:
     parser.add_argument("files", nargs="*", default=[], help=argparse.SUPPRESS)
     parser.add_argument("--input", action="append", default=[], metavar="NAME=FILE", help="a picture by its name")
     parser.add_argument("--output", action="append", default=[], metavar="NAME=FILE", help="where an output goes")
-    add_wishes(parser.add_argument_group("how to compute and to store"), {"method"})
+    add_wishes(parser.add_argument_group("how to compute and to store"), {"method", "findings"})
     parser.add_argument("--json", action="store_true", default=False, help="print the report as JSON")
     parser.add_argument("--url", metavar="URL", help="let a service compute")  # taken off before the rest is read
     return parser
@@ -153,7 +153,6 @@ def _deliveries(
     data: Mapping[str, bytes],
     images: Mapping[str, Any],
 ) -> dict[str, Delivery]:
-    from lichen.files import probe
     from lichen.order import read_pipeline_order
     from lichen_service.formats import NOWHERE, Origin, agree
 
@@ -161,7 +160,7 @@ def _deliveries(
     origin = NOWHERE
     for name in pipeline.inputs[:1]:
         image = images[name]
-        origin = Origin(probe(data[name]).format, image.storage, image.space, image.alpha)
+        origin = Origin(files.format_held(data[name]), image.storage, image.space, image.alpha)
     deliveries = {}
     for name, each in pipeline.outputs.items():
         said = {key: value for key in ("format", "storage", "space", "alpha") if (value := getattr(each, key))}

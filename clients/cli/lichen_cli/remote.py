@@ -40,7 +40,8 @@ def run(url: str, operation: str, given: Given) -> int:
     explain = values.pop("explain", "false") == "true"
     if given.json and given.output == "-":
         raise Usage("standard output can hold the picture or, with --json, the report, not both")
-    format = values.pop("format", None) or (files.format_of(given.output) if given.output not in (None, "-") else None)
+    named = given.output not in (None, "-") and "findings" not in values
+    format = values.pop("format", None) or (files.format_of(str(given.output)) if named else None)
     began = time.perf_counter()
     images = {name: files.read(path) for name, path in given.inputs.items()}
     try:

@@ -2,7 +2,8 @@
 
 The query reader and the choice of a format are the service's own, so a command line and a URL with the same names
 give the same bytes and refuse the same mistakes. The picture goes to OUT, the report to standard error as a line or,
-with --json, to standard output. Without OUT the findings of an operation that reports some are printed.
+with --json, to standard output. Without OUT the findings of an operation that reports some are printed; with --findings
+they go to OUT instead of the picture.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def main(arguments: Sequence[str]) -> int:
 def _run(operation: Operation[Any], given: Given) -> int:
     import lichen
     from lichen.errors import Flaw, InvalidRequest
-    from lichen.files import decode, encode, probe
+    from lichen.files import encode
     from lichen.operation import Facts
     from lichen_service import queries
     from lichen_service.formats import NOWHERE, Origin, agree
@@ -71,13 +72,13 @@ def _run(operation: Operation[Any], given: Given) -> int:
         raise Usage("standard output can hold the picture or, with --json, the report, not both")
     started = time.perf_counter()
     data = {name: files.read(path) for name, path in given.inputs.items()}
-    images = {name: decode(each) for name, each in data.items()}
+    images = files.decoded(data, query.options.select)
     decoded = time.perf_counter()
     parameters = operation.validate({key: text for key, text in query.values.items() if key not in operation.knobs})
     facts = operation.result(parameters, {name: Facts.of(image) for name, image in images.items()})
     origin = NOWHERE
     for name, image in list(images.items())[:1]:
-        origin = Origin(probe(data[name]).format, image.storage, image.space, image.alpha)
+        origin = Origin(files.format_held(data[name]), image.storage, image.space, image.alpha)
     delivery = agree(query.options, None, facts, origin)
     first, keywords = _arguments(operation, query, images, delivery)
     if query.options.explain:
@@ -85,6 +86,9 @@ def _run(operation: Operation[Any], given: Given) -> int:
         return 0
     result = lichen.run(operation.name, first, **keywords)
     computed = time.perf_counter()
+    if query.options.findings is not None and given.output is not None:
+        files.write(given.output, files.found(operation, result.findings, query.options.findings))
+        return 0
     if given.output is None:  # of an operation that reports something else
         files.print_json(result.findings)
         return 0
@@ -97,7 +101,7 @@ def _run(operation: Operation[Any], given: Given) -> int:
 
 def _with_format(given: Given) -> tuple[tuple[str, str], ...]:
     """The values, with the format that the suffix of the output names where no format is given."""
-    if given.output in (None, "-") or any(name == "format" for name, _ in given.values):
+    if given.output in (None, "-") or any(name in ("format", "findings") for name, _ in given.values):
         return given.values
     return (*given.values, ("format", files.format_of(str(given.output))))
 

@@ -115,6 +115,10 @@ class Options(TypedDict, total=False):
     """leave out work that cannot change the result by more than the asked error"""
     nonfinite: Literal["propagate", "reject", "repair"] | None
     """what to do with NaN and infinity in the inputs"""
+    select: str | None
+    """of inputs that are files of data: components and places to read, as in u=u10,v=v10,time=3,level=@850; a part
+    may begin with the name of an input, later.time=4, and is for that one alone
+    """
     storage: Literal["uint8", "uint16", "float16", "float32", "float64"] | None
     """how the samples of the result are stored"""
     space: Literal["srgb", "linear", "data"] | None

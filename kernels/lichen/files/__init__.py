@@ -24,16 +24,19 @@ from lichen.errors import UnreadableImage, UnsupportedFormat, nearest
 from lichen.files.exr import exr
 from lichen.files.format import Data, Encoded, Format, Header, Limits
 from lichen.files.jpeg import jpeg
+from lichen.files.netcdf import netcdf
 from lichen.files.npy import npy
 from lichen.files.png import png
 from lichen.files.samples import to_floats, to_storage, upright
 from lichen.files.tiff import tiff
+from lichen.files.vti import vti
 from lichen.files.webp import webp
 from lichen.image import Image, Storage
 from lichen.memory import Array
 
 __all__ = [
     "FORMATS",
+    "READABLE",
     "Data",
     "Encoded",
     "Format",
@@ -49,27 +52,32 @@ __all__ = [
 ]
 
 FORMATS: Mapping[str, Format] = {format.name: format for format in (png, jpeg, webp, tiff, exr, npy)}
+"""What is read and written, by name."""
+READABLE: Mapping[str, Format] = {**FORMATS, **{format.name: format for format in (netcdf, vti)}}
+"""What is read, by name."""
 _ANYTHING = ("application/octet-stream", "binary/octet-stream", "image/*", "*/*", "")
 
 
-def probe(data: Data, *, media_type: str | None = None) -> Header:
-    """The header of an encoded image; no pixel is decoded and no limit checked.
+def probe(data: Data, *, media_type: str | None = None, select: str = "") -> Header:
+    """The header of an encoded image; no pixel is decoded and no limit checked. `select` says which part of a file of
+    data is meant (`lichen.files.selection`); its samples are read with the header.
 
     Raises `UnsupportedFormat` for bytes of no known format, `UnreadableImage` where the header is damaged or
     `media_type` names another format than the bytes have, and `TooLarge` for a profile that inflates too far.
     """
     format = recognise(data, media_type=media_type)
-    return format.read_header(memoryview(data).cast("B"))
+    return format.header(memoryview(data).cast("B"), select)
 
 
-def decode(data: Data, *, limits: Limits | None = None, media_type: str | None = None) -> Image:
-    """The first picture of an encoded image, upright, float32 (float64 where doubles were stored).
+def decode(data: Data, *, limits: Limits | None = None, media_type: str | None = None, select: str = "") -> Image:
+    """The first picture of an encoded image, upright, float32 (float64 where doubles were stored); of a file of data
+    what `select` says (`lichen.files.selection`).
 
     Raises as `probe` does, and `TooLarge` where the header crosses `limits` (None: `Limits()`).
     """
     view = memoryview(data).cast("B")
     format = recognise(view, media_type=media_type)
-    header = format.read_header(view)
+    header = format.header(view, select)
     header.check(limits or Limits())
     return assembled(header, format.read_samples(view, header))
 
@@ -106,11 +114,11 @@ def recognise(data: Data, *, media_type: str | None = None) -> Format:
     head = bytes(memoryview(data).cast("B")[:16])
     if not head:
         raise UnreadableImage("There are no bytes to decode.")
-    found = next((format for format in FORMATS.values() if format.recognises(head)), None)
+    found = next((format for format in READABLE.values() if format.recognises(head)), None)
     named = None if _bare(media_type) in _ANYTHING else format_for_media_type(media_type or "")
     if found is None:
         claim = f" although they are called {named.media_type}" if named else ""
-        raise UnsupportedFormat(f"The bytes do not begin like {' or '.join(FORMATS)}{claim}.")
+        raise UnsupportedFormat(f"The bytes do not begin like {' or '.join(READABLE)}{claim}.")
     if named is not None and named is not found:
         raise UnreadableImage(f"The bytes are called {named.media_type} but begin like {found.media_type}.")
     return found
@@ -119,20 +127,20 @@ def recognise(data: Data, *, media_type: str | None = None) -> Format:
 def format_for_media_type(media_type: str) -> Format:
     """The format a media type names, parameters ignored. Raises `UnsupportedFormat`."""
     bare = _bare(media_type)
-    for format in FORMATS.values():
+    for format in READABLE.values():
         if bare in format.media_types:
             return format
-    known = ", ".join(format.media_type for format in FORMATS.values())
+    known = ", ".join(format.media_type for format in READABLE.values())
     raise UnsupportedFormat(f"The media type {bare[:80]!r} is not supported; known: {known}.")
 
 
 def format_for_path(path: str | PurePath) -> Format:
     """The format a file name's ending stands for. Raises `UnsupportedFormat`."""
     suffix = PurePath(path).suffix.lower()
-    for format in FORMATS.values():
+    for format in READABLE.values():
         if suffix in format.extensions:
             return format
-    known = {extension: format.name for format in FORMATS.values() for extension in format.extensions}
+    known = {extension: format.name for format in READABLE.values() for extension in format.extensions}
     raise UnsupportedFormat(f"The ending {suffix!r} stands for no supported format; {nearest(suffix, known)}")
 
 

@@ -3,6 +3,8 @@
 A format is one module with three functions, always in the same order:
 
 * `read_header(data) -> Header` parses the header itself, in plain Python, and trusts nothing: every offset is checked.
+  Formats of data are the exception: a library reads them, and who does not trust the bytes lets a process do so that
+  may die of it.
 * `read_samples(data, header) -> Array` gives the samples as stored, shape (rows, columns, channels), not yet upright.
 * `write(samples, image, quality) -> bytes` writes samples that already have the storage of the file; several pictures
   where the image has `pages`.
@@ -16,6 +18,8 @@ import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
 
 from lichen.errors import Flaw, InvalidRequest, TooLarge, UnreadableImage, UnsupportedFormat
 from lichen.image import Alpha, Image, Space, Storage
@@ -115,11 +119,20 @@ class Format:
     """why it cannot hold channels like these, or None"""
     association: Alpha | None
     """the one kind of coverage it can hold; None: any"""
-    read_header: Callable[[memoryview], Header]
+    read_header: Callable[..., Header]
+    """of the bytes; and of a selection (text), where the format `selects`"""
     read_samples: Callable[[memoryview, Header], Array]
     write: Callable[[Array, Image, int | None], bytes]
     paged: bool = False
     """whether it can hold several pictures"""
+    selects: bool = False
+    """whether it is a format of data, of which a part is read: see `lichen.files.selection`. None of them is written"""
+    modules: tuple[str, ...] = ()
+    """what a format of data is read with, where that is installed"""
+
+    def header(self, data: memoryview, select: str = "") -> Header:
+        """The header of the bytes, of the selected part. The selection means nothing to formats of pictures."""
+        return self.read_header(data, select) if self.selects else self.read_header(data)
 
     @property
     def media_type(self) -> str:
@@ -166,6 +179,38 @@ _PREFERENCE: Mapping[Storage, tuple[Storage, ...]] = {
     Storage.FLOAT32: (Storage.FLOAT32, Storage.UINT16, Storage.UINT8),
     Storage.FLOAT64: (Storage.FLOAT64, Storage.FLOAT32, Storage.UINT16, Storage.UINT8),
 }
+
+
+def data_format(
+    name: str,
+    media_types: tuple[str, ...],
+    extensions: tuple[str, ...],
+    recognises: Callable[[bytes], bool],
+    read_header: Callable[[memoryview, str], Header],
+    modules: tuple[str, ...],
+) -> Format:
+    """A format of which parts are read and that is never written. Its headers carry the samples as their details."""
+
+    def write(samples: Array, image: Image, quality: int | None) -> bytes:
+        raise UnsupportedFormat(f"{name} is read, not written.")
+
+    return Format(
+        name=name,
+        media_types=media_types,
+        extensions=extensions,
+        storages=(),
+        largest_side=0,
+        lossy=False,
+        recognises=recognises,
+        natural_space=lambda storage: Space.DATA,
+        unfit=lambda image: f"{name} is read, not written",
+        association=None,
+        read_header=read_header,
+        read_samples=lambda data, header: np.asarray(header.details),
+        write=write,
+        selects=True,
+        modules=modules,
+    )
 
 
 def take(data: memoryview, start: int, size: int, what: str) -> memoryview:

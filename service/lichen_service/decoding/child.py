@@ -5,17 +5,21 @@
 The service has read and checked the header before; the decoder reads it again, and the service compares.
 
 It may use MEMORY bytes beyond what it has when it begins, and processor time as each message says; it opens no file
-and starts no process. It ends when its socket does, when a limit ends it, or when a codec does.
+and starts no process. Files of data may name others that hold their numbers: while one is read, none can be opened.
+It ends when its socket does, when a limit ends it, or when a codec does.
 """
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import json
 import os
 import resource
 import signal
 import socket
 import sys
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -60,7 +64,9 @@ def _decode(asked: dict[str, object], descriptor: int) -> tuple[dict[str, object
         with messages.mapped(descriptor) as data, memoryview(data) as view:
             try:
                 format = recognise(view)
-                samples = np.ascontiguousarray(format.read_samples(view, format.read_header(view)))
+                with _closed(format.modules):
+                    header = format.header(view, str(asked.get("select", "")))
+                    samples = np.ascontiguousarray(format.read_samples(view, header))
                 said = messages.said_of(samples)
                 return said, messages.shared(memoryview(samples.view(np.uint8).reshape(-1).data), "samples")
             except LichenError as error:
@@ -70,6 +76,23 @@ def _decode(asked: dict[str, object], descriptor: int) -> tuple[dict[str, object
         return messages.said_of_error(TooLarge("Decoding the image takes more memory than it may.")), None
     except Exception:
         return messages.said_of_error(UnreadableImage("The image cannot be decoded.")), None
+
+
+@contextlib.contextmanager
+def _closed(modules: tuple[str, ...]) -> Iterator[None]:
+    """Where a library with these modules reads the bytes: nothing can be opened meanwhile but what is open."""
+    if not modules:
+        yield
+        return
+    for each in modules:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(each)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def _warm_up() -> None:

@@ -1,7 +1,7 @@
 """What a service and its decoders say to each other, over a socket of packets.
 
-    to the decoder      {"seconds"}                 with the encoded bytes as a descriptor of shared memory
-    from the decoder    {"shape", "dtype"}          with the samples, as they are stored, as another
+    to the decoder      {"seconds", "select"}     with the encoded bytes as a descriptor of shared memory
+    from the decoder    {"shape", "dtype"}        with the samples, as they are stored, as another
                         {"error", "detail", "flaws", "limit", "actual"}
 
 Everything is JSON and raw memory, never a pickle: a decoder that was taken over can say something wrong, but it cannot
@@ -26,7 +26,8 @@ from lichen.memory import Array
 LARGEST = 1 << 16
 """bytes of one message"""
 _ERRORS: Mapping[str, type[LichenError]] = {
-    each.code: each for each in (errors.TooLarge, errors.UnsupportedFormat, errors.UnreadableImage)
+    each.code: each
+    for each in (errors.TooLarge, errors.UnsupportedFormat, errors.UnreadableImage, errors.InvalidRequest)
 }
 
 

@@ -5,7 +5,8 @@ answered that its image cannot be decoded, and a new decoder starts beside the o
 (`kill -9`, the system's own killer) costs not even that: another tries, once. A decoder that takes too long is killed.
 After `USES` images each is replaced, so that what a codec leaks stays bounded.
 
-NPY is decoded here: our own reader parses its header, and the rest is a copy of checked length.
+NPY is decoded here: our own reader parses its header, and the rest is a copy of checked length. Files of data are
+turned into NPY by a decoder before anything else: only the libraries that read them know how large their pictures are.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from typing import Any
 
 import structlog
 
-from lichen.errors import UnreadableImage
-from lichen.files import Data, Limits, assembled, decode, recognise
-from lichen.image import Image
+from lichen.errors import UnreadableImage, UnsupportedFormat
+from lichen.files import Data, Limits, assembled, decode, encode, recognise
+from lichen.image import Image, Space
 from lichen.memory import Array
 from lichen_service.decoding import messages
 from lichen_service.refusals import RETRY_AFTER, Refusal
@@ -130,22 +131,38 @@ class Decoders:
             return decode(data, limits=limits, media_type=media_type)
         header = format.read_header(memoryview(data).cast("B"))
         header.check(limits)
+        return assembled(header, self._samples(data, ""))
+
+    def plain(self, data: Data, *, media_type: str | None = None, select: str = "") -> Data:
+        """The bytes, or what the selection says of a file of data, as NPY. Raises as `decode`, and `InvalidRequest`
+        for what the file does not have."""
+        format = recognise(data, media_type=media_type)
+        if not format.selects:
+            return data
+        if not self._count:
+            raise UnsupportedFormat(
+                "Files of data may name other files, so only decoders read them, and none runs here."
+            )
+        return encode(Image(self._samples(data, select), Space.DATA), "npy").data
+
+    def _samples(self, data: Data, select: str) -> Array:
+        """From a decoder, or from another where somebody killed it."""
         deadline = time.monotonic() + self._seconds
         try:
-            samples = self._ask(data, deadline)
+            return self._ask(data, select, deadline)
         except Killed:  # by somebody else, most likely, so the image has another chance
             try:
-                samples = self._ask(data, deadline)
+                return self._ask(data, select, deadline)
             except Killed:
                 raise UnreadableImage(UNABLE) from None
-        return assembled(header, samples)
 
-    def _ask(self, data: Data, deadline: float) -> Any:
+    def _ask(self, data: Data, select: str, deadline: float) -> Array:
         """The samples, from one decoder. Raises `Killed`, or what is wrong with the image."""
         decoder = self._take(deadline)
         whole = False
         try:
-            samples = decoder.ask(data, {"seconds": self._seconds}, deadline - time.monotonic())
+            asked = {"seconds": self._seconds, "select": select}
+            samples = decoder.ask(data, asked, deadline - time.monotonic())
             whole = True
         except Died as died:
             self.died += 1

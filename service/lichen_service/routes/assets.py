@@ -1,7 +1,7 @@
 """PUT /v1/assets, and GET, HEAD and DELETE on /v1/assets/{id}: inputs that are sent once and named often.
 
-An asset is an image in a format that is read here, kept as it came. Its name, `sha256:` and the digest of its bytes,
-stands for it in the query of a run (`image=sha256:...`); whoever knows the name may use it.
+An asset is an image, or a file of data, in a format that is read here, kept as it came. Its name, `sha256:` and the
+digest of its bytes, stands for it in the query of a run (`image=sha256:...`); whoever knows the name may use it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ class AssetRoutes:
     def put(self, request: Request, name: str) -> Response:
         """Stores the body: 201 where it is new, 200 where it was there."""
         media_type = media_type_of(request.head.headers.get("content-type", ""))
-        header = probe(request.body, media_type=None if media_type in UNTOLD else media_type)
+        claimed = None if media_type in UNTOLD else media_type
+        format = recognise(request.body, media_type=claimed)
+        header = None if format.selects else probe(request.body, media_type=claimed)
         said = request.head.headers.get("content-digest")
         if said is not None and "sha-256=" in said and said.strip() != content_digest(request.body):
             raise Refusal(400, "digest-mismatch", "The body is not what it was", "Content-Digest names other bytes.")
@@ -52,11 +54,10 @@ class AssetRoutes:
         body = {
             "id": stored,
             "bytes": size,
-            "media_type": recognise(request.body).media_type,
-            "width": header.width,
-            "height": header.height,
-            "channels": header.channels,
+            "media_type": format.media_type,
         }
+        if header is not None:  # of data: it has many sizes
+            body |= {"width": header.width, "height": header.height, "channels": header.channels}
         response = momentary(201 if new else 200, body)
         response.headers["Location"] = f"{PATH}/{stored}"
         response.log = {"asset": stored}

@@ -74,6 +74,7 @@ class Pipelines:
         told, options, given = self._read(request)
         pipeline = told.pipeline
         given = {name: each for name, each in given.items() if name in pipeline.inputs}
+        given = self._running.plain(given, options.select)
         digests = self._running.digests(given)
         with stages.stage("decode"):
             images = self._running.decode(given)
@@ -155,6 +156,8 @@ class Pipelines:
         given |= kept
         if options.method is not None:
             flaws.append(Flaw("/query/method", "is asked of a node: name it there"))
+        if options.findings is not None:
+            flaws.append(Flaw("/query/findings", "is asked of one operation; Accept: multipart/mixed has those of all"))
         told = None
         if document is not None and self.document in values:
             flaws.append(Flaw(f"/query/{self.document}", "is given in the body, too"))

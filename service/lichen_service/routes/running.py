@@ -17,12 +17,12 @@ import hashlib
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypeVar
 
 from lichen import catalogue, engine
 from lichen.engine import Result
 from lichen.errors import Flaw, InvalidRequest, LichenError
-from lichen.files import Encoded, Limits, encode, probe
+from lichen.files import FORMATS, Encoded, Limits, encode, probe, recognise, selection
 from lichen.image import Image
 from lichen.operation import Facts, Operation
 from lichen.order import read_order
@@ -38,7 +38,7 @@ from lichen_service.memory import reserve, to_decode, to_run
 from lichen_service.negotiation import prefers
 from lichen_service.queries import Options, Query
 from lichen_service.refusals import relocated
-from lichen_service.reports import SKIPPING, report
+from lichen_service.reports import SKIPPING, report, table_of
 from lichen_service.routes.assets import resolve
 from lichen_service.routes.system import versions
 from lichen_service.settings import Settings
@@ -46,6 +46,7 @@ from lichen_service.stages import Stages
 from lichen_service.uploads import Upload
 
 Uploads = Mapping[str, Upload]
+Made = TypeVar("Made")
 JSON = "application/json"
 
 
@@ -69,6 +70,7 @@ class Running:
         stages = Stages(request.head, self._settings.request_timeout)
         operation = catalogue.operation(name)
         query, given = self._read(operation, request)
+        given = self.plain(given, query.options.select)
         digests = self.digests(given)
         with stages.stage("decode"):
             images = self.decode(given)
@@ -77,7 +79,9 @@ class Running:
             reserve(to_run(facts))
             accept, origin = request.head.headers.get("accept"), _origin(operation, given, images)
             shape = _shape(operation, query, accept)
-            if shape is not Shape.PICTURE:
+            if query.options.findings is not None:
+                accept = None
+            elif shape is not Shape.PICTURE:
                 accept = mixed.of_the_result(accept) if shape is Shape.PARTS else None
             delivery = agree(query.options, accept, facts, origin)
             response = self._answer(request, operation, query, images, delivery, shape, digests, stages)
@@ -117,9 +121,9 @@ class Running:
             stages.split("run", {name: taken for name, taken in result.timing.items() if name != "plan"})
             with stages.stage("encode"):
                 encoded = None
-                if shape is not Shape.FINDINGS:
+                if shape in (Shape.PICTURE, Shape.PARTS):
                     encoded = encode(result.image, delivery.format.name, storage=delivery.storage)
-                content_type, body = _body(result, encoded, delivery, shape)
+                content_type, body = _body(operation, result, encoded, delivery, shape)
             with stages.stage("digest"):
                 headers = {
                     "Content-Type": content_type,
@@ -176,33 +180,61 @@ class Running:
         flaws: list[Flaw] = []
         for name, upload in given.items():
             try:
-                probe(upload.data).check(self._limits)
+                if not recognise(upload.data).selects:
+                    probe(upload.data).check(self._limits)
             except LichenError as error:
                 flaws += _flaws_of(name, error)
         return flaws
 
+    def plain(self, given: Uploads, select: str) -> Uploads:
+        """The uploads, of files of data what is selected as NPY. Raises as `decode`, and `InvalidRequest` for a
+        selection from none."""
+
+        def made(name: str, upload: Upload) -> Upload:
+            part = selection.for_input(select, name, list(given))
+            data = self._decoders.plain(upload.data, media_type=upload.media_type, select=part)
+            return upload if data is upload.data else Upload(data, None)
+
+        plain = _of_each(given, made)
+        if select and all(plain[name] is given[name] for name in given):
+            raise InvalidRequest(
+                "There is nothing to select from.", [Flaw("/query/select", "no input is a file of data")]
+            )
+        return plain
+
     def decode(self, given: Uploads) -> dict[str, Image]:
         """All images. Raises the first error with a pointer to every image that has one."""
-        images: dict[str, Image] = {}
-        failed: dict[str, LichenError] = {}
-        for name, upload in given.items():
-            try:
-                header = probe(upload.data)
-                header.check(self._limits)
-                reserve(to_decode(header))
-                images[name] = self._decoders.decode(upload.data, limits=self._limits, media_type=upload.media_type)
-            except LichenError as error:
-                failed[name] = error
-        if failed:
-            first = next(iter(failed.values()))
-            flaws = [flaw for name, error in failed.items() for flaw in _flaws_of(name, error)]
-            raise type(first)(first.detail, flaws, limit=first.limit, actual=first.actual)
-        return images
+
+        def decoded(name: str, upload: Upload) -> Image:
+            header = probe(upload.data)
+            header.check(self._limits)
+            reserve(to_decode(header))
+            return self._decoders.decode(upload.data, limits=self._limits, media_type=upload.media_type)
+
+        return _of_each(given, decoded)
+
+
+def _of_each(given: Uploads, make: Callable[[str, Upload], Made]) -> dict[str, Made]:
+    """What is made of each. Raises the first error with a pointer to every image that has one."""
+    made: dict[str, Made] = {}
+    failed: dict[str, LichenError] = {}
+    for name, upload in given.items():
+        try:
+            made[name] = make(name, upload)
+        except LichenError as error:
+            failed[name] = error
+    if failed:
+        first = next(iter(failed.values()))
+        flaws = [flaw for name, error in failed.items() for flaw in _flaws_of(name, error)]
+        raise type(first)(first.detail, flaws, limit=first.limit, actual=first.actual)
+    return made
 
 
 def _flaws_of(name: str, error: LichenError) -> list[Flaw]:
     """What is wrong with an image, as flaws of the input `name`."""
     pointer = f"/inputs/{name}"
+    if isinstance(error, InvalidRequest):  # of what was asked of a good file
+        return list(error.flaws)
     below = [Flaw(pointer + flaw.pointer.removeprefix("/image"), flaw.detail) for flaw in error.flaws]
     return below or [Flaw(pointer, error.detail)]
 
@@ -253,19 +285,26 @@ class Shape(StrEnum):
 
     PICTURE = "picture"
     FINDINGS = "findings"
+    TABLE = "table"
     PARTS = "parts"
 
 
 def _shape(operation: Operation[Any], query: Query, accept: str | None) -> Shape:
     if query.options.explain:
         return Shape.PICTURE
+    if query.options.findings is not None:
+        return Shape.TABLE if query.options.findings == "npy" else Shape.FINDINGS
     if (operation.finds or query.options.verify) and prefers(accept, mixed.MIXED):
         return Shape.PARTS
     return Shape.FINDINGS if operation.finds and prefers(accept, JSON) else Shape.PICTURE
 
 
-def _body(result: Result, encoded: Encoded | None, delivery: Delivery, shape: Shape) -> tuple[str, Body]:
+def _body(
+    operation: Operation[Any], result: Result, encoded: Encoded | None, delivery: Delivery, shape: Shape
+) -> tuple[str, Body]:
     """Content type and body: the picture, the findings, or both and, where anything was measured, the map."""
+    if shape is Shape.TABLE:
+        return FORMATS["npy"].media_type, table_of(operation, result.findings)
     if encoded is None:
         return JSON, canonical(result.findings)
     if shape is Shape.PICTURE:

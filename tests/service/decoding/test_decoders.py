@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import base64
 import os
 import signal
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pytest
 
-from lichen.errors import LichenError, TooLarge, UnreadableImage
+from lichen.errors import InvalidRequest, LichenError, TooLarge, UnreadableImage, UnsupportedFormat
 from lichen.files import FORMATS, Limits, decode, encode
 from lichen.image import Alpha, Image, Space, Storage
 from lichen_service.app import Service
 from lichen_service.decoding.pool import Decoders
 from lichen_service.settings import Settings
 
-from ..conftest import Caller, picture, problem_of
+from ..conftest import Caller, picture, pointers, problem_of, read_json
 
 PATIENCE = 120.0
 LIMITS = Limits()
@@ -83,6 +86,69 @@ def test_npy_needs_no_decoder() -> None:
     data = encode(Image(picture().pixels, Space.DATA, storage=Storage.FLOAT32), "npy").data
     assert np.array_equal(pool.decode(data, limits=LIMITS).pixels, picture().pixels)
     assert pool.standing == 0
+
+
+def wind() -> bytes:
+    """Two times of a wind on 3 x 4 places, in NetCDF."""
+    file = netCDF4.Dataset("wind.nc", "w", memory=1 << 14)
+    for name, size in (("time", 2), ("lat", 3), ("lon", 4)):
+        file.createDimension(name, size)
+    for name, sign in (("u", 1), ("v", -1)):
+        file.createVariable(name, "f4", ("time", "lat", "lon"))[:] = sign * np.arange(1.0, 25.0).reshape(2, 3, 4)
+    return bytes(file.close())
+
+
+WIND = np.repeat(np.arange(13.0, 25.0).reshape(3, 4, 1)[::-1], 2, axis=2)
+"""At the second time: v points down in pictures."""
+
+
+def test_files_of_data_are_turned_into_npy(pool: Decoders, png: bytes) -> None:
+    plain = pool.plain(wind(), select="time=1")
+    assert np.array_equal(pool.decode(plain, limits=LIMITS).pixels, WIND)
+    assert pool.plain(png) is png
+    with pytest.raises(InvalidRequest, match="2 places"):
+        pool.plain(wind(), select="time=2")
+    with pytest.raises(UnreadableImage):
+        pool.plain(wind()[:2000])
+    with pytest.raises(UnsupportedFormat, match="none runs here"):
+        Decoders(0, 1, 1).plain(wind())
+    assert pool.died == 0
+
+
+NAMING_ANOTHER_FILE = base64.b85decode(
+    "c-rgqaB<`1lHy|K;9!7(|4?Af4B;C<#aEm>;N<V&62!z%!6byN5C*uI7#JBC*mxL#6l3XTs5U6S>^mb=z=DBnu-4xHKG+FB0~u8q7?_wC8KJIZV"
+    "1d#Yd=UmlK?QjzUx7iKgF(C=$YKS$mYIuP185Qh*o6%Hp)TY=vlSKq96(<)Gs1ie6J;o27!bgdw4Tw!)iD6XmVk=Eg7`ios#^Wjl4SjY#Ny)e6fm"
+    "E5VaUupl)`XhRPF^_VW`ZEKMVnTB})w"
+)
+"""HDF5 whose variables u and v, 3 x 4 float32, are 48 bytes of /etc/passwd; compressed. Made with h5py."""
+
+
+def test_files_that_a_file_of_data_names_are_not_read(pool: Decoders) -> None:
+    naming = zlib.decompress(NAMING_ANOTHER_FILE)
+    assert decode(naming).pixels.any()  # who reads a file of their own reads what it names
+    with pytest.raises(UnreadableImage):
+        pool.plain(naming)
+    assert np.array_equal(pool.decode(pool.plain(wind(), select="time=1"), limits=LIMITS).pixels, WIND)
+
+
+def test_a_run_reads_what_is_selected(pool: Decoders, tmp_path: Path, settings: Settings, png: bytes) -> None:
+    chosen = replace(settings, data=str(tmp_path))
+    service = Service(chosen)
+    service.decoders = service._running._decoders = pool
+    call = Caller(service, chosen)
+    run = "/v1/operations/vector?make=rotate&angle=0&format=npy&device=numpy"
+    made = call("POST", f"{run}&select=time%3D1", wind(), {"content-type": "application/x-netcdf"})
+    assert np.array_equal(decode(made.body).pixels, WIND)
+    stored = read_json(call("PUT", "/v1/assets", wind()))
+    assert (stored["media_type"], "width" in stored) == ("application/x-netcdf", False)
+    by_name = call("GET", f"{run}&select=image.time%3D1&image={stored['id']}")
+    assert by_name.headers["ETag"] == made.headers["ETag"]
+    assert call("POST", run, wind()).headers["ETag"] != made.headers["ETag"]
+    piped = call("POST", "/v1/pipelines?pipeline=vector:make=rotate,angle=0&format=npy&select=time%3D1", wind())
+    assert np.array_equal(decode(piped.body).pixels, WIND)
+    for select, data in (("time%3D7", wind()), ("time%3D1", png), ("time", wind())):
+        problem = problem_of(call("POST", f"{run}&select={select}", data), 422, "invalid-request")
+        assert pointers(problem) == {"/query/select"}
 
 
 def test_an_idle_decoder_that_was_killed_is_replaced(pool: Decoders, png: bytes) -> None:

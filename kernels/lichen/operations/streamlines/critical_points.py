@@ -211,6 +211,12 @@ def _black(inputs: Mapping[str, Any], pixels: Array) -> str | None:
     return None if not pixels.any() else "something was marked"
 
 
+def _table(findings: Mapping[str, Any]) -> Array:
+    """A row for each point: its place and its Jacobian."""
+    rows = [[point["x"], point["y"], *np.ravel(point["jacobian"])] for point in findings["points"]]
+    return np.array(rows, np.float64).reshape(-1, 6)
+
+
 critical_points = Operation(
     name="critical_points",
     family="streamlines",
@@ -223,6 +229,8 @@ critical_points = Operation(
     result=_result,
     implied=lambda p, facts: "marks reach beyond the cell of their point",
     examples=({}, {"radius": 1.5, "scale": -2, "bias": 0.5}),
+    table=_table,
+    table_columns=("x", "y", "du/dx", "du/dy", "dv/dx", "dv/dy"),
     hard_cases=(
         HardCase("zero field", "it vanishes everywhere", lambda: _field(lambda x, y: (0, 0)), {}, _black),
         HardCase("field of NaN", "comparisons fail", lambda: _field(lambda x, y: (np.nan, 1)), {}, _black),

@@ -18,7 +18,8 @@ Methods divide `length` into equal steps no longer than the knob `step` and weig
 * `euler`, `rk2` (midpoint), `rk4`: Runge-Kutta of order 1, 2 and 4 in the interpolated field; steps that meet the
   border or a critical point are cut there.
 * `rk45`: Dormand and Prince's pair with steps as long as their error allows, the texture read at equal distances.
-* `fastlic`: a line serves all pixels whose centres it passes within the knob `distance`, by running sums along it.
+* `fastlic`: a line serves all pixels whose centres it passes within the knob `distance`, by running sums along it: of
+  the texture, and of its products with the waves that the kernel consists of.
 * `fixed`: what a frame buffer of few `bits` makes of it, as pixel textures did: positions and the positive and negative
   parts of the vectors are rounded to its codes.
 
@@ -222,14 +223,16 @@ def shared_work(p: Parameters, distance: float, facts: InputFacts) -> float:
     """Samples of the lines that are followed: as measured on smooth fields, some (1 + 2 / distance) steps a pixel, or
     the pixel's own line where that is shorter; once for each channel."""
     own = 2.0 * p.steps(min(max(8 * distance, 0.25), 1.0)) + 1
-    steps = min(own, 2 + 4 / distance) + 2
+    steps = (min(own, 2 + 4 / distance) + 2) * (1 + 0.2 * (len(p.waves()) - 1))
     channels = predict.texture_facts(p, facts).channels
     return facts["field"].pixels * steps * channels * predict.pictures(p) * 3
 
 
 def unshared(p: Parameters, facts: InputFacts) -> str | None:
-    if p.kernel is not Kernel.BOX or p.oriented:
-        return "its running sums are those of the kernel box"
+    if p.oriented:
+        return "its running sums are of kernels made of waves, which do not grow along the line"
+    if p.kernel is Kernel.RIPPLE and 2 * (p.ripples + 1) > p.length:
+        return "its steps are too long for so many ripples"
     if p.speed is Speed.FIELD:
         return "its lines go by arc length"
     if predict.texture_facts(p, facts).extent.nonfinite:

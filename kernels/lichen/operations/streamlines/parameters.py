@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -55,6 +56,22 @@ class Edge(StrEnum):
     """they end"""
     WRAP = "wrap"
     """they go on at the opposite side: field and texture are periodic"""
+
+
+OVERSHOOT = 0.28125
+"""Of the spread: how far a cubic goes beyond the values it connects. The negative weights at (1/2, 1/2)."""
+GAUSSIAN_WAVES = (0.43786981, 0.4806361, 0.07739869, 0.00411912)
+"""Weights of cos(0.7 pi n s / length), n from 0, whose sum is the kernel `gaussian` to 2.4e-5 (found by linear
+programming as the best there is)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wave:
+    """The part weight * cos(pi * turns * s / length + phase) of a kernel."""
+
+    weight: float
+    turns: float
+    phase: float = 0.0
 
 
 class Parameters(OperationParameters):
@@ -119,6 +136,25 @@ class Parameters(OperationParameters):
                 made = np.ones_like(s)
         weights: npt.NDArray[np.float64] = made * (0.5 - 0.5 * s) if self.oriented else made
         return weights
+
+    def waves(self, phase: float = 0.0) -> tuple[Wave, ...]:
+        """The kernel as a sum: the constant, and waves; exactly but for `gaussian`. Not of an oriented one, which grows
+        along the line."""
+        turn = 2 * math.pi * (self.phase + phase)
+        match self.kernel:
+            case Kernel.HANN:
+                return Wave(0.5, 0), Wave(0.5, 1)
+            case Kernel.COSINE:
+                return Wave(0.0, 0), Wave(1.0, 0.5)
+            case Kernel.GAUSSIAN:
+                return tuple(Wave(weight, 0.7 * n) for n, weight in enumerate(GAUSSIAN_WAVES))
+            case Kernel.RIPPLE:
+                n = self.ripples
+                beats = [Wave(0.25, n, turn), Wave(0.125, n + 1, turn), Wave(0.125, n - 1, turn)]
+                constant = 0.25 + sum(each.weight * math.cos(turn) for each in beats if each.turns == 0)
+                return Wave(constant, 0), Wave(0.25, 1), *(each for each in beats if each.turns)
+            case _:
+                return (Wave(1.0, 0),)
 
     @property
     def passes(self) -> int:

@@ -14,11 +14,8 @@ from lichen.image import Alpha, Extent, Space
 from lichen.memory import Array
 from lichen.operation import EXACT, ROUNDING, WHOLE, Error, Facts, Footprint, InputFacts, Knob
 from lichen.operations.streamlines.maps import Map
-from lichen.operations.streamlines.parameters import Edge, Kernel, Parameters, Sampling, Speed
+from lichen.operations.streamlines.parameters import OVERSHOOT, Edge, Kernel, Parameters, Sampling, Speed
 from lichen.operations.streamlines.task import noise, noise_size
-
-OVERSHOOT = 0.28125
-"""Of the spread: how far a cubic goes beyond the values it connects. The negative weights at (1/2, 1/2)."""
 
 
 def texture_facts(p: Parameters, facts: InputFacts) -> Facts:

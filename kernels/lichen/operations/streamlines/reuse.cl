@@ -5,10 +5,12 @@
 
 #include "texels.clh"
 
+#define MOST_SUMS 9 /* of a constant and four waves */
+
 kernel void trace(global const float *restrict field, global const float *restrict texture, global const int *restrict seeds,
-                  global float *restrict path, global float *restrict sums, global float *restrict ends, int width,
-                  int height, int texture_width, int texture_height, int stride, int channel, int count, int lines,
-                  float step) {
+                  global float *restrict path, global float *restrict sums, global float *restrict ends,
+                  global const float *restrict factors, int width, int height, int texture_width, int texture_height,
+                  int stride, int channel, int count, int lines, float step, int kinds) {
     const int first = get_global_id(0) * SEGMENT;
     if (first >= lines) return;
     const Flow flow = {field, field, width, height, 1, 0.0f, 0.0f};
@@ -16,7 +18,7 @@ kernel void trace(global const float *restrict field, global const float *restri
     Home home;
     Places p;
     Vectors at, here, start, begun, there, d;
-    float own[SEGMENT], last[SEGMENT], sampled[SEGMENT], total[SEGMENT], share[SEGMENT], alive[SEGMENT], end[SEGMENT];
+    float own[SEGMENT], last[SEGMENT], sampled[SEGMENT], total[MOST_SUMS][SEGMENT], share[SEGMENT], alive[SEGMENT], end[SEGMENT];
     texture += channel;
     EACH {
         const int seed = max(seeds[first + i], 0);
@@ -28,18 +30,19 @@ kernel void trace(global const float *restrict field, global const float *restri
     find(&p, &begun, &home);
     sample(own, texture, stride, &p, texture_width, texture_height);
     look(&start, &p, &flow, &begun, zeros, 0, 0.0f);
-    EACH {
-        vstore2((float2)(begun.x[i], begun.y[i]), (size_t)count * lines + first + i, path);
-        sums[(size_t)count * lines + first + i] = 0.0f;
-    }
+    const int samples = 2 * count + 1;
+    const size_t apart = (size_t)samples * lines; /* sums of one factor from those of the next */
+    EACH vstore2((float2)(begun.x[i], begun.y[i]), (size_t)count * lines + first + i, path);
+    for (int c = 0; c < kinds; ++c) EACH sums[c * apart + (size_t)count * lines + first + i] = 0.0f;
     for (int way = 0; way < 2; ++way) {
         const float sign = way ? -1.0f : 1.0f;
         at = begun;
         here = start;
         EACH {
             alive[i] = 1.0f;
-            total[i] = last[i] = end[i] = 0.0f;
+            last[i] = end[i] = 0.0f;
         }
+        for (int c = 0; c < kinds; ++c) EACH total[c][i] = 0.0f;
         for (int j = 1; j <= count; ++j) {
             advance(&d, &at, &here, &flow, zeros, 0, 0.0f, sign * step);
             Vectors q;
@@ -59,13 +62,20 @@ kernel void trace(global const float *restrict field, global const float *restri
             here = there;
             if (cut) find(&p, &at, &home);
             sample(sampled, texture, stride, &p, texture_width, texture_height);
-            const size_t to = (size_t)(count + (way ? -j : j)) * lines + first;
+            const int n = count + (way ? -j : j);
+            const size_t to = (size_t)n * lines + first;
+            EACH sampled[i] -= own[i];
+            for (int c = 0; c < kinds; ++c) {
+                const float a = factors[c * samples + n - (way ? -1 : 1)], b = factors[c * samples + n];
+                EACH {
+                    const float piece = fma(fma(share[i], b - a, a), sampled[i], a * last[i]);
+                    total[c][i] = fma(share[i] * (sign * 0.5f * step), piece, total[c][i]);
+                    sums[c * apart + to + i] = total[c][i];
+                }
+            }
             EACH {
-                const float difference = sampled[i] - own[i];
-                total[i] = fma(share[i] * (sign * 0.5f * step), last[i] + difference, total[i]);
                 end[i] = fma(share[i], step, end[i]);
-                last[i] = difference;
-                sums[to + i] = total[i];
+                last[i] = sampled[i];
             }
             EACH vstore2((float2)(at.x[i], at.y[i]), to + i, path);
         }
@@ -116,11 +126,16 @@ inline float sum_at(global const float *restrict sums, int line, int lines, int 
     return fma(place - (float)cell, b - a, a);
 }
 
+inline float between(global const float *restrict sums, int line, int lines, int count, float from, float to) {
+    return sum_at(sums, line, lines, count, to) - sum_at(sums, line, lines, count, from);
+}
+
 #define ARGUMENTS                                                                                                      \
     global const int *restrict seeds, global const float *restrict path, global const float *restrict sums,            \
         global const float *restrict ends, global const float *restrict texture, global uint *restrict keys,           \
-        global float *restrict result, int width, int height, int texture_width, int texture_height, int stride,       \
-        int channel, int count, int lines, float step, int window, int extra, float distance
+        global float *restrict result, global const float *restrict waves, int width, int height, int texture_width, int texture_height, int stride,       \
+        int channel, int count, int lines, float step, int window, int extra, float distance,     \
+        int wave_count, float constant_weight, float whole, float least, float most
 
 /* Every pixel that a line passes near learns of it: the least key is that of the nearest line. */
 kernel void offer(ARGUMENTS) {
@@ -143,6 +158,7 @@ kernel void settle_values(ARGUMENTS) {
     Places p;
     Vectors begun;
     float own[SEGMENT];
+    const size_t apart = (size_t)(2 * count + 1) * lines;
     EACH {
         const int seed = max(seeds[first + i], 0);
         zeros[i] = 0;
@@ -161,10 +177,25 @@ kernel void settle_values(ARGUMENTS) {
             const float s = fma((float)k, step, o.along[i]), far = (float)window * step;
             const float forwards = ends[line], backwards = -ends[lines + line];
             const float high = s + far < forwards ? s + far : forwards, low = s - far > backwards ? s - far : backwards;
-            const float apart = high - low;
-            const float mean = (sum_at(sums, line, lines, count, high / step + (float)count) -
-                                sum_at(sums, line, lines, count, low / step + (float)count)) / apart;
-            result[(size_t)o.pixel[i] * stride + channel] = apart > 0.0f ? own[i] + mean : own[i];
+            const float place = high / step + (float)count, from = low / step + (float)count;
+            float total = constant_weight * between(sums, line, lines, count, from, place);
+            const int cut = high != s + far || low != s - far;
+            float weight = cut || !wave_count ? constant_weight * (high - low) : whole;
+            for (int w = 0; w < wave_count; ++w) {
+                const float4 wave = vload4(w, waves); /* weight, radians a pixel, phase, weight of the integral */
+                const float angle = wave.z - wave.y * s;
+                float cosine;
+                const float sine = sincos(angle, &cosine);
+                const float x = between(sums + (2 * w + 1) * apart, line, lines, count, from, place);
+                const float y = between(sums + (2 * w + 2) * apart, line, lines, count, from, place);
+                total = fma(wave.x, cosine * x - sine * y, total);
+                if (cut) {
+                    const float middle = wave.y * (0.5f * (high + low)) + angle, half_width = wave.y * (0.5f * (high - low));
+                    weight = fma(wave.w, cos(middle) * sin(half_width), weight);
+                }
+            }
+            const float mean = weight > 0.0f ? own[i] + total / weight : own[i];
+            result[(size_t)o.pixel[i] * stride + channel] = within(mean, least, most);
             keys[o.pixel[i]] = 0;
         }
     }

@@ -2,9 +2,13 @@
 
 A line is followed from a pixel's centre, by the midpoint rule in equal steps of arc length, `length` and a stretch more
 each way. The differences of its samples from the first are summed along it; then the mean over any part of the line is
-the difference of two sums. Every pixel whose centre the line passes within `distance` takes the mean over the part
-around the point nearest to it. Among lines of one round the nearest wins, of equals the first; a value once given
-stays.
+the difference of two sums. Kernels other than the box are sums of waves (`Parameters.waves`), and cos(w (s - s0)) is
+cos(w s) cos(w s0) + sin(w s) sin(w s0): of products with cosine and sine the sums are kept, too, and the mean around
+any place s0 is a mixture of differences. The trapezoid rule makes a factor (w h / 2) / tan(w h / 2) of a wave's
+integral, and the weights that a mean is divided by have it as well. A mean lies within the texture, whatever the
+roundings of a line that ends at once. Every pixel whose centre the line passes within `distance` takes the mean over
+the part around the point nearest to it. Among lines of one round the nearest wins, of equals the first; a value once
+given stays.
 
 Rounds begin at pixels without a value: those of a lattice of up to 8 x 8 first, then the places between, in
 portions that fit into memory. Which they are follows from the image alone, so results do not depend on threads. When
@@ -36,6 +40,7 @@ from lichen.operations.streamlines.lines import (
     displacements,
     runge_kutta_2,
 )
+from lichen.operations.streamlines.parameters import OVERSHOOT, Sampling
 from lichen.operations.streamlines.task import Task
 
 SOURCE = "streamlines/reuse.cl"
@@ -58,6 +63,8 @@ class Reach:
     step: float
     window: int
     extra: int
+    sums: int = 1
+    """kept of each sample"""
 
     @property
     def count(self) -> int:
@@ -70,7 +77,7 @@ class Reach:
     @property
     def lines(self) -> int:
         """Of a portion."""
-        return max(MEMORY // (12 * self.samples) // SEGMENT, 1) * SEGMENT
+        return max(MEMORY // (4 * (2 + self.sums) * self.samples) // SEGMENT, 1) * SEGMENT
 
 
 def step_of(task: Task, distance: float) -> tuple[float, int]:
@@ -79,13 +86,54 @@ def step_of(task: Task, distance: float) -> tuple[float, int]:
     return task.p.length / count, count
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Weights:
+    """A kernel in waves: `factors` (sums, samples) that samples are multiplied with before they are summed, of the
+    constant, and of cosine and sine of each wave; `constant`; of each wave in `waves` (n, 4) its weight, radians a
+    pixel, phase, and the weight of its integral; and the weight of a `whole` window."""
+
+    factors: Array
+    constant: float
+    waves: Array
+    whole: float
+
+    @classmethod
+    def of(cls, task: Task, reach: Reach) -> Weights:
+        constant, *waves = task.p.waves(task.phase)
+        s = (np.arange(reach.samples) - reach.count) * reach.step
+        far = reach.window * reach.step
+        factors, rows, whole = [np.ones_like(s)], [], 2 * constant.weight * far
+        for wave in waves:
+            pace = np.pi * wave.turns / task.p.length
+            half = pace * reach.step / 2
+            integral = 2 * wave.weight * half / np.tan(half) / pace
+            factors += [np.cos(pace * s), np.sin(pace * s)]
+            rows.append((wave.weight, pace, wave.phase, integral))
+            whole += integral * np.cos(wave.phase) * np.sin(pace * far)
+        return cls(
+            np.array(factors, np.float32),
+            constant.weight,
+            np.array(rows, np.float32).reshape(-1, 4),
+            float(whole),
+        )
+
+
+def extremes(task: Task) -> tuple[np.float32, np.float32]:
+    """What means lie within: the values of the texture, and what cubics between them make."""
+    texture = task.texels(np.float32)
+    low, high = float(texture.min()), float(texture.max())
+    more = OVERSHOOT * (high - low) if task.p.sampling is Sampling.CUBIC else 0.0
+    return np.float32(low - more), np.float32(high + more)
+
+
 def portions(keys: Keys, task: Task, distance: float) -> Iterator[tuple[Array, Reach]]:
     """Pixels to begin at, and how far to go; `keys` is read anew before each portion."""
     if not keys.any():
         return
     step, window = step_of(task, distance)
     farthest = int(min(2 * window, max(task.width, task.height) / step + 1))
-    shared, own = Reach(step, window, farthest), Reach(step, window, 0)
+    sums = 2 * len(task.p.waves()) - 1
+    shared, own = Reach(step, window, farthest, sums), Reach(step, window, 0, sums)
     rows, columns = np.arange(task.height), np.arange(task.width)
     side = next(side for least, side in LATTICES if keys.size >= least)
     for places in _rounds(side) if side > 1 else ():
@@ -139,6 +187,7 @@ def reused_opencl(device: Device, task: Task, distance: float) -> Array:
         texture, sizes, result = texels(session, task, padded=True)
     resting = at_rest(vectors[:-1], task)
     result.reshape(-1, result.shape[2])[resting] = own_texels(task, resting)
+    least, most = extremes(task)
     for channel in range(result.shape[2]):
         keys[:] = FREE
         keys[resting] = TAKEN
@@ -147,18 +196,23 @@ def reused_opencl(device: Device, task: Task, distance: float) -> Array:
             plan = (np.int32(channel), np.int32(reach.count), np.int32(padded.size), np.float32(reach.step))
             near = (np.int32(reach.window), np.int32(reach.extra), np.float32(distance))
             segments, kinds = (padded.size // SEGMENT,), defines(task, order=2)
+            weights = Weights.of(task, reach)
+            count = np.int32(len(weights.waves))
+            waves = aligned(np.vstack([weights.waves, np.zeros((1, 4), np.float32)]))
+            scales = (count, *(np.float32(each) for each in (weights.constant, weights.whole, least, most)))
             with device.session() as session:
                 shape = (reach.samples, padded.size)
-                path, sums = session.scratch((*shape, 2)), session.scratch(shape)
+                path, sums = session.scratch((*shape, 2)), session.scratch((reach.sums, *shape))
                 ends = session.scratch((2, padded.size))
                 session.launch(
                     SOURCE, "trace", segments, vectors, texture, padded, session.write(path), session.write(sums),
-                    session.write(ends), *sizes, *plan, local=(1,), defines=kinds,
+                    session.write(ends), aligned(weights.factors), *sizes, *plan, np.int32(reach.sums), local=(1,),
+                    defines=kinds,
                 )  # fmt: skip
                 for kernel in ("offer", "settle_values"):
                     session.launch(
                         SOURCE, kernel, segments, padded, path, sums, ends, texture, session.readwrite(keys),
-                        session.readwrite(result), *sizes, *plan, *near, local=(1,), defines=kinds,
+                        session.readwrite(result), waves, *sizes, *plan, *near, *scales, local=(1,), defines=kinds,
                     )  # fmt: skip
     return result
 
@@ -173,6 +227,7 @@ def reused_numpy(task: Task, distance: float) -> Array:
     texture = Grid.of(task.texels(np.float32), task.p.sampling, task.wraps)
     resting, planes = at_rest(field.samples, task), []
     own = own_texels(task, resting)
+    least, most = extremes(task)
     with np.errstate(all="ignore"):
         for channel in range(texture.samples.shape[1]):
             plane = Grid(texture.samples[:, channel : channel + 1], texture.height, texture.width, texture.sampling,
@@ -181,30 +236,33 @@ def reused_numpy(task: Task, distance: float) -> Array:
             made = np.zeros(task.height * width, np.float32)
             keys[resting], made[resting] = TAKEN, own[:, channel]
             for seeds, reach in portions(keys, task, distance):
-                lines = _Traced(field, plane, seeds.astype(np.int64), reach)
+                lines = _Traced(field, plane, seeds.astype(np.int64), reach, Weights.of(task, reach))
                 _serve(lines, keys, made, distance)
-            planes.append(made)
+            planes.append(np.clip(made, least, most))
     return np.stack(planes, axis=1).reshape(task.height, width, -1)
 
 
 class _Traced:
-    """Lines of a portion: places (samples, lines, 2), sums (samples, lines), and how far they go (2, lines)."""
+    """Lines of a portion: places (samples, lines, 2), sums (of factors, samples, lines), and how far they go
+    (2, lines)."""
 
-    def __init__(self, field: Grid, texture: Grid, seeds: Index, reach: Reach) -> None:
-        self.field, self.reach, self.seeds = field, reach, seeds
+    def __init__(self, field: Grid, texture: Grid, seeds: Index, reach: Reach, weights: Weights) -> None:
+        self.field, self.reach, self.seeds, self.weights = field, reach, seeds, weights
+        factors = weights.factors
         start = np.stack([seeds % field.width, seeds // field.width], axis=1).astype(np.float32)
         origin = (np.zeros(seeds.size, np.int64),) * 2
         read = Reader(texture, field, origin, np.float32)
         self.own = read(start)
         self.path = np.empty((reach.samples, seeds.size, 2), np.float32)
-        self.sums = np.zeros((reach.samples, seeds.size), np.float32)
+        self.sums = np.zeros((reach.sums, reach.samples, seeds.size), np.float32)
         self.ends = np.zeros((2, seeds.size), np.float32)
         self.path[reach.count] = start
         for way, sign in enumerate((1.0, -1.0)):
             step = sign * reach.step
             at: Array = start
             here, last = field.at(origin, start[:, 0], start[:, 1]), np.zeros_like(self.own)
-            alive, total, end = np.ones(seeds.size, bool), np.zeros_like(self.own), np.zeros(seeds.size, np.float32)
+            alive, end = np.ones(seeds.size, bool), np.zeros(seeds.size, np.float32)
+            total = np.zeros((reach.sums, seeds.size), np.float32)
 
             def slope(at: Array, part: float, step: float = step) -> Array:
                 return displacements(field.at(origin, at[:, 0], at[:, 1]), step, True)
@@ -216,10 +274,13 @@ class _Traced:
                 share = np.where(alive & (share > 0), share, 0).astype(np.float32)
                 at = np.where(share[:, None] > 0, at + share[:, None] * moves, at)
                 sample = read(at) - self.own
-                total = total + np.where(share > 0, share, 0)[:, None] * np.float32(step / 2) * (last + sample)
+                to = reach.count + int(sign) * j
+                before, after = factors[:, to - int(sign), None], factors[:, to, None]
+                pieces = before * last[:, 0] + (before + share * (after - before)) * sample[:, 0]
+                total = total + share * np.float32(step / 2) * pieces
                 end += share * np.float32(reach.step)
-                self.path[reach.count + int(sign) * j] = at
-                self.sums[reach.count + int(sign) * j] = total[:, 0]
+                self.path[to] = at
+                self.sums[:, to] = total
                 alive, here, last = share == 1, there, sample
             self.ends[way] = end
 
@@ -251,17 +312,22 @@ class _Traced:
         window = np.float32(reach.window * reach.step)
         high = np.minimum(s + window, self.ends[0, lines])
         low = np.maximum(s - window, -self.ends[1, lines])
-        apart = high - low
-        mean = (self._sum(lines, high) - self._sum(lines, low)) / apart
-        means: Array = np.where(apart > 0, self.own[lines, 0] + mean, self.own[lines, 0])
+        found = self._sum(lines, high) - self._sum(lines, low)
+        total, weight = self.weights.constant * found[0], self.weights.constant * (high - low)
+        for n, (amount, pace, phase, integral) in enumerate(self.weights.waves):
+            angle = phase - pace * s
+            total = total + amount * (np.cos(angle) * found[2 * n + 1] - np.sin(angle) * found[2 * n + 2])
+            middle, half = pace * (np.float32(0.5) * (high + low)) + angle, pace * (np.float32(0.5) * (high - low))
+            weight = weight + integral * np.cos(middle) * np.sin(half)
+        means: Array = np.where(weight > 0, self.own[lines, 0] + total / weight, self.own[lines, 0]).astype(np.float32)
         return means
 
     def _sum(self, lines: Index, s: Array) -> Array:
-        """Up to `s`, linear between samples."""
+        """Up to `s`, linear between samples, (sums, n)."""
         place = s / np.float32(self.reach.step) + np.float32(self.reach.count)
         cell = np.clip(np.floor(place).astype(np.int64), 0, self.reach.samples - 2)
         part = place - cell.astype(np.float32)
-        a, b = self.sums[cell, lines], self.sums[cell + 1, lines]
+        a, b = self.sums[:, cell, lines], self.sums[:, cell + 1, lines]
         mixed: Array = a + part * (b - a)
         return mixed
 

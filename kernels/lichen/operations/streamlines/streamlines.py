@@ -9,9 +9,10 @@ border, where there is no direction, and at critical points. Seeds are
 * `grid`: in rows and columns, `spacing` px apart;
 * `points`: those given.
 
-Findings are the lines: places in pixels, in the direction of the field. The picture is how much a pen of the given
-`width` covers of each pixel, with an edge one pixel soft. Lines are found in double precision by every method, so the
-picture's error is that of drawing alone; there is no trade.
+Findings are the lines: places in pixels, in the direction of the field. As a table (`findings=npy`) they are a row for
+each point: which line it is of, x and y; `np.split(t[:, 1:], np.flatnonzero(np.diff(t[:, 0])) + 1)` are the lines. The
+picture is how much a pen of the given `width` covers of each pixel, with an edge one pixel soft. Lines are found in
+double precision by every method, so the picture's error is that of drawing alone; there is no trade.
 
 Sources: see `lichen.operations.streamlines.tracing` and `lichen.operations.streamlines.strokes`.
 """
@@ -176,6 +177,13 @@ def _row_drawn(inputs: Mapping[str, Any], pixels: Array) -> str | None:
     return None if apart <= 1e-5 else f"off by {apart:.3g}"
 
 
+def _table(findings: Mapping[str, Any]) -> Array:
+    """A row for each point: which line it is of, x and y."""
+    lines = [np.asarray(line["points"], np.float64).reshape(-1, 2) for line in findings["lines"]]
+    numbers = np.repeat(np.arange(len(lines), dtype=np.float64), [len(line) for line in lines])
+    return np.column_stack([numbers, np.concatenate([*lines, np.zeros((0, 2))])])
+
+
 _SHORT = {"length": 20.0, "spacing": 6.0}
 
 streamlines = Operation(
@@ -190,6 +198,8 @@ streamlines = Operation(
     result=_result,
     implied=lambda p, facts: "lines are as far apart as others left them",
     check=_check,
+    table=_table,
+    table_columns=("line", "x", "y"),
     examples=(
         {"spacing": 9, "length": 60},
         {"seeding": "grid", "spacing": 11, "length": 6, "width": 2.5, "step": 0.5},

@@ -12,7 +12,7 @@ import lichen
 from lichen.errors import InvalidRequest
 from lichen.operations.streamlines.lines import Grid
 from lichen.operations.streamlines.maps import Map, coloured
-from lichen.operations.streamlines.parameters import Parameters, Sampling
+from lichen.operations.streamlines.parameters import Kernel, Parameters, Sampling
 from lichen.operations.streamlines.task import sharpened
 
 Array = np.ndarray
@@ -20,7 +20,8 @@ BACKENDS = ("opencl", "numpy")
 
 
 def run(field: Array, backend: str = "opencl", **values: Any) -> Array:
-    return lichen.run("lic", field, device=backend, **{"method": "rk2", "step": 1.0, **values}).image.pixels
+    asked = {"method": "rk2", "step": 1.0, **values}
+    return lichen.run("lic", field, device=backend, **{k: v for k, v in asked.items() if v is not None}).image.pixels
 
 
 def uniform(height: int, width: int, u: float, v: float) -> Array:
@@ -82,6 +83,38 @@ def test_particles_in_a_field_that_turns_go_the_analytic_way(backend: str, metho
     exact = ramp + (3 - 1) * length**2 / (12 * interval)
     inner = slice(20, 44)
     assert np.abs(made[inner, inner, 0] - exact[inner, inner]).max() < (0.4 if method == "euler" else 0.02)
+
+
+KERNELS: tuple[dict[str, Any], ...] = (
+    *({"kernel": each.value} for each in Kernel),
+    {"kernel": "ripple", "ripples": 1, "phase": 0.5},
+    {"kernel": "ripple", "ripples": 3, "phase": 0.3},
+)
+
+
+@pytest.mark.parametrize("asked", KERNELS)
+def test_kernels_are_sums_of_waves(asked: dict[str, Any]) -> None:
+    p = Parameters(length=13, **asked)
+    s = np.arange(41) / 40 * 13 * np.array([[1.0], [-1.0]])
+    for phase in (0.0, 0.2):
+        waves = sum(each.weight * np.cos(np.pi * each.turns * s / 13 + each.phase) for each in p.waves(phase))
+        assert np.abs(waves - p.weights(40, phase)).max() < (2.5e-5 if p.kernel is Kernel.GAUSSIAN else 1e-12)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("asked", KERNELS)
+def test_shared_lines_serve_every_kernel(backend: str, asked: dict[str, Any]) -> None:
+    """As near the finest steps as a line for each pixel is in steps of a pixel, or half as far again, by RMS."""
+    field, texture, length = swirl(48), noise(48, 48, 1), 10.0
+    made = {
+        method: run(field, backend, texture=texture, length=length, **{"step": None, "method": method, **knob}, **asked)
+        for method, knob in (("rk4", {"step": 0.125}), ("rk2", {"step": 1}), ("fastlic", {"distance": 0.125}))
+    }
+    left, usual = (np.sqrt(np.square(made[each] - made["rk4"]).mean()) for each in ("fastlic", "rk2"))
+    assert left < 1.5 * usual + 1e-4
+    constant = np.full((48, 48, 1), 0.3, np.float32)
+    alike = run(field, backend, texture=constant, length=length, method="fastlic", step=None, **asked)
+    assert np.array_equal(alike, constant)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

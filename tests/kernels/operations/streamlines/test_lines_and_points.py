@@ -31,6 +31,21 @@ def centred(width: int, height: int) -> tuple[Array, Array]:
     return (x - width / 2) / short, (y - height / 2) / short
 
 
+def test_findings_are_tables_too() -> None:
+    lines = lichen.operations()["streamlines"]
+    assert lines.table is not None
+    found = lichen.run("streamlines", made("circular"), spacing=9, length=20).findings
+    table = lines.table(found)
+    pieces = np.split(table[:, 1:], np.flatnonzero(np.diff(table[:, 0])) + 1)
+    assert [piece.tolist() for piece in pieces] == [line["points"] for line in found["lines"]]
+    assert lines.table({"lines": []}).shape == (0, 3)
+    points = lichen.operations()["critical_points"]
+    assert points.table is not None
+    row = points.table(lichen.run("critical_points", made("circular", strength=24)).findings)
+    assert np.allclose(row, [[24, 24, 0, -1, 1, 0]], atol=1e-3)
+    assert points.table({"points": []}).shape == (0, 6)
+
+
 # ------------------------------------------------------------------------------------------------------------- fields
 
 
