@@ -20,6 +20,7 @@ from lichen.planning.hidden import hidden
 from lichen.planning.join import concatenate, join
 from lichen.planning.light import light
 from lichen.planning.memory import peak_bytes, refuse_too_large
+from lichen.planning.notes import notes
 from lichen.planning.prune import identity, shared, unread
 from lichen.planning.region import region
 from lichen.planning.settle import settle
@@ -49,10 +50,18 @@ ENGINE_VERSION = "2"
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What will run. Printable, serialisable, hashed."""
+    """What will run. Printable (as notes), serialisable, hashed."""
 
     graph: Graph
     request: Request
+
+    def __str__(self) -> str:
+        return "\n".join(self.notes)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What runs, and what was left out and why, in sentences."""
+        return notes(self)
 
     @property
     def nodes(self) -> tuple[Node, ...]:
@@ -122,6 +131,7 @@ class Plan:
             "fused": [list(chain) for chain in self.graph.fused],
             "bands": [{"nodes": list(each.steps), "rows": each.rows} for each in self.graph.banded],
             "decisions": [decision.to_json() for decision in self.decisions],
+            "notes": list(self.notes),
             "digest": self.digest,
         }
 
