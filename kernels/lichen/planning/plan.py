@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -113,6 +113,24 @@ class Plan:
         banded = [[each.steps, each.rows] for each in self.graph.banded]
         said = [ENGINE_VERSION, self.request.backend, self.graph.precision, outputs, nodes, observers, banded]
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+
+    def identities(self, origins: Mapping[str, str]) -> dict[str, str]:
+        """What stands for all that decides the pixels of each step that runs, by its name: what is done, from the
+        sources on, whose contents `origins` identifies. Steps that read others have none."""
+        chains = {chain[-1]: chain for chain in self.graph.fused}
+        bands = {each.steps[-1]: each for each in self.graph.banded}
+        found = dict(origins)
+        for node in self.graph.running():
+            if not all(source in found for source in node.inputs.values()):
+                continue
+            steps = bands[node.name].steps if node.name in bands else (node.name,)
+            done = [self.graph.named(name) for step in steps for name in chains.get(step, (step,))]
+            said = [_node_to_json(each) | {"name": "", "inputs": [*each.inputs]} for each in done]
+            rows = bands[node.name].rows if node.name in bands else 0
+            read = {key: found[source] for key, source in node.inputs.items()}
+            told = [self.request.backend, self.graph.precision, said, len(steps), rows, read]
+            found[node.name] = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+        return {name: each for name, each in found.items() if name not in origins}
 
     def to_json(self) -> dict[str, Any]:
         """The plan as JSON values: nodes, choices, alternatives with why they were not taken, decisions."""
