@@ -244,7 +244,7 @@ export class Planned {
       const first = Object.values(this.#given)[0];
       this.stage.show({ input: first ? await first.look() : null });
     } catch (failure) {
-      if (mine === this.#run) this.#fail(failure);
+      if (!signal.aborted) this.#fail(failure);
     } finally {
       if (mine === this.#run) this.stage.busy(false);
     }
