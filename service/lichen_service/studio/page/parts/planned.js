@@ -124,14 +124,26 @@ export class Planned {
         ),
       ),
     );
-    this.found = () => this.#go();
-    events.addEventListener("found", this.found);
+    this.listeners = [
+      [events, "found", () => this.#go()],
+      [document, "paste", (event) => this.#own(event, event.clipboardData)],
+      [document, "dragover", (event) => event.preventDefault()],
+      [document, "drop", (event) => this.#own(event, event.dataTransfer)],
+    ];
+    for (const [target, name, act] of this.listeners) target.addEventListener(name, act);
   }
 
   unmount() {
     this.#going.abort();
     this.stage.stop();
-    events.removeEventListener("found", this.found);
+    for (const [target, name, act] of this.listeners) target.removeEventListener(name, act);
+  }
+
+  // A picture that was let go of anywhere, or pasted, is the first that is read.
+  #own(event, transfer) {
+    if (!transfer?.files[0]) return;
+    event.preventDefault();
+    this.drops?.take(transfer.files[0]);
   }
 
   async open({ query }) {
@@ -173,6 +185,7 @@ export class Planned {
       },
       failed: (failure) => this.#fail(failure),
     });
+    this.drops = declared.length ? made : null;
     fill(this.inputs, declared.length ? made.element : null);
   }
 
