@@ -25,7 +25,6 @@ const STARTS = [
   ["lic", "Draw a flow"],
   ["perlin_noise", "Make clouds"],
   ["curve", "Bend a tone curve"],
-  ["reflection", "Mirror the world in a scene"],
 ];
 const SLOW = 8; // ms from which a cheap version while dragging is worth its loss
 const SEEN = 0.02; // an error up to which such a version still looks like the result,
