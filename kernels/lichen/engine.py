@@ -32,6 +32,7 @@ from lichen.planning.graph import RESULT, Decision, Graph
 from lichen.planning.hidden import thin
 from lichen.planning.pipeline import Pipeline
 from lichen.planning.plan import Plan, make_plan
+from lichen.sharing import Shared
 from lichen.verification import Verification, verify
 
 if TYPE_CHECKING:
@@ -241,10 +242,11 @@ class Prepared:
     fallback: Prepare | None = None
     """makes the same for NumPy, where no device was named"""
 
-    def run(self, *further: Decision) -> dict[str, Result]:
-        """The results by the outputs' names; on NumPy where a device fails that nobody named."""
+    def run(self, *further: Decision, shared: Shared | None = None) -> dict[str, Result]:
+        """The results by the outputs' names; on NumPy where a device fails that nobody named. Runs that share take
+        over steps from one another (`lichen.sharing`)."""
         try:
-            return _execute(self, *further)
+            return _execute(self, *further, shared=shared)
         except DeviceFailure as failure:
             if self.fallback is None or self.device is None:
                 raise
@@ -357,10 +359,10 @@ def _prepared(read: Callable[[str], Order], named: str | None, decided: tuple[De
         return on(None)
 
 
-def _execute(prepared: Prepared, *further: Decision) -> dict[str, Result]:
+def _execute(prepared: Prepared, *further: Decision, shared: Shared | None = None) -> dict[str, Result]:
     order, plan = prepared.order, prepared.plan
     timing = {"plan": prepared.seconds}
-    images, findings = computed(plan, order.images, prepared.device, timing)
+    images, findings = computed(plan, order.images, prepared.device, timing, shared)
     further = (*further, *_skipped(findings))
     found: dict[str, Verification] = {}
     if order.verify:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from lichen.planning.fuse import stage_of, text_of
 from lichen.planning.graph import TRUTH, Banded, Graph, Node
 from lichen.planning.memory import last_readers
 from lichen.planning.plan import Plan
+from lichen.sharing import Shared
 
 Compute = Callable[[Node, Inputs], Array]
 Observe = Callable[[Node, Inputs, Array], None]
@@ -32,27 +34,38 @@ Findings = dict[str, Mapping[str, Any]]
 
 
 def computed(
-    plan: Plan, sources: Mapping[str, Image], device: Device | None, timing: MutableMapping[str, float]
+    plan: Plan,
+    sources: Mapping[str, Image],
+    device: Device | None,
+    timing: MutableMapping[str, float],
+    shared: Shared | None = None,
 ) -> tuple[dict[str, Image], Findings]:
-    """What the plan gives on `device` (None: NumPy), by output. Adds to `timing` the seconds of nodes, all and each."""
+    """What the plan gives on `device` (None: NumPy), by output. Adds to `timing` the seconds of nodes, all and each.
+    Steps that another run with the same `shared.sharing` is at work on are taken over from it."""
     timing["kernel"] = 0.0
     findings: Findings = {}
     chains = {chain[-1]: [plan.graph.named(name) for name in chain] for chain in plan.graph.fused}
     banded = {each.steps[-1]: each for each in plan.graph.banded}
+    identities = plan.identities(shared.origins) if shared is not None else {}
 
     def step(node: Node, inputs: Inputs) -> Array:
         if node.name in chains and device is not None:
             return by_chain(chains[node.name], plan.graph, inputs, device)
         return by_method(node, inputs, device)
 
+    def made(node: Node, inputs: Inputs) -> Array:
+        if plan.graph.precision is Precision.FLOAT64:
+            return by_definition(node, inputs)
+        if node.name in banded:
+            return by_bands(banded[node.name], plan.graph, inputs, step)
+        return step(node, inputs)
+
     def timed(node: Node, inputs: Inputs) -> Array:
         started = time.perf_counter()
-        if plan.graph.precision is Precision.FLOAT64:
-            pixels = by_definition(node, inputs)
-        elif node.name in banded:
-            pixels = by_bands(banded[node.name], plan.graph, inputs, step)
+        if shared is not None and node.name in identities:
+            pixels = shared.sharing.of(identities[node.name], partial(made, node, inputs))
         else:
-            pixels = step(node, inputs)
+            pixels = made(node, inputs)
         timing[f"kernel.{node.name}"] = time.perf_counter() - started
         timing["kernel"] += timing[f"kernel.{node.name}"]
         observed(node, inputs, pixels)

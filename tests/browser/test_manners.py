@@ -37,6 +37,12 @@ def test_every_view_is_for_everybody(visit: Visits, service: Service, width: int
         assert [
             (each["id"], each["nodes"][0]["html"], each["nodes"][0].get("failureSummary")) for each in serious
         ] == []
+        if place == "#/cases":
+            case = page.locator(".case").first
+            expect(case.locator(".why")).to_have_text([re.compile("^Naive code: .+"), re.compile("^Lichen, by .+: .+")])
+            case.get_by_text("Parameters and test").click()
+            expect(case).to_contain_text("test_hard_cases_hold[")
+    expect(page.locator(".requests .timeline").first).to_be_visible()  # what this tab has asked, in the status
     assert window.said == []
     assert {each.split("/")[2] for each in window.asked if each.startswith("http")} == {service.url.split("/")[2]}
     assert {each.split(":")[0] for each in window.asked} <= {"http", "blob", "data"}
@@ -77,6 +83,9 @@ def test_a_picture_is_made_with_the_keyboard_alone(visit: Visits) -> None:
     before = page.url
     page.keyboard.press("ArrowRight")
     page.wait_for_function("before => location.href !== before", arg=before)
+    moving = [each for each in window.asked if "/operations/lic?" in each and "length=28" not in each]
+    assert "method=" in moving[0]  # a cheap picture while the slider moves, and then the one that is asked for
+    assert "method=" not in moving[1]
     for _ in range(80):
         page.keyboard.press("Tab")
         if page.evaluate("document.activeElement.classList.contains('plot-point')"):
@@ -97,10 +106,12 @@ def test_pipelines_show_what_was_left_out(visit: Visits) -> None:
     page.locator(".graph-node").first.wait_for()
     page.get_by_role("button", name="Undone again").click()
     expect(page.locator(".graph-node.gone")).to_have_count(3)
+    assert "; changes " in (page.locator(".graph-node.gone title").first.text_content() or "")
     page.get_by_role("button", name="Compare with everything run").click()
     expect(page.locator(".proof")).to_contain_text(re.compile(r"differ by (nothing|[\d.e-]+); each promises"))
     page.get_by_label("run everything").check()
     expect(page.locator(".graph-node.gone")).to_have_count(0)
+    expect(page.locator(".flame-part")).not_to_have_count(0)  # the kernels' time, node by node
     page.locator("#pipeline").fill("gaussian:sigma=-1")
     page.get_by_role("button", name="Run", exact=True).click()
     expect(page.locator(".problem")).to_contain_text("/nodes/gaussian/parameters/sigma")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import http.client
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -29,8 +30,8 @@ def png() -> bytes:
     return bytes(encode(Image(pixels, Space.SRGB, storage=Storage.UINT8), "png").data)
 
 
-def drop(page: Page, data: bytes, name: str = "steps.png") -> None:
-    """Lets go of a file over the first field, as the operating system would."""
+def drop(page: Page, data: bytes, name: str = "steps.png", *, pasted: bool = False) -> None:
+    """Lets go of a file over the first field, as the operating system would, or pastes it into the page."""
     transfer = page.evaluate_handle(
         """([data, name]) => {
             const bytes = Uint8Array.from(atob(data), (each) => each.charCodeAt(0));
@@ -40,7 +41,11 @@ def drop(page: Page, data: bytes, name: str = "steps.png") -> None:
         }""",
         [base64.b64encode(data).decode(), name],
     )
-    page.locator(".drop").first.dispatch_event("drop", {"dataTransfer": transfer})
+    if pasted:
+        paste = "each => document.dispatchEvent(new ClipboardEvent('paste', { clipboardData: each }))"
+        page.evaluate(paste, transfer)
+    else:
+        page.locator(".drop").first.dispatch_event("drop", {"dataTransfer": transfer})
     expect(page.locator(".drop option").first).to_have_text(name)
 
 
@@ -131,6 +136,8 @@ def test_a_chosen_point_is_the_setting_that_runs(visit: Visits) -> None:
     window.settled()
     used = page.locator(".account code")
     before = used.inner_text()
+    expect(page.locator(".price-words")).to_contain_text("tenfold smaller")
+    expect(page.locator(".price-scale")).to_contain_text("one step of an 8-bit picture is 0.00392")
     point = page.locator('.plot-point[data-method="dct"]').first
     knob = float(point.get_attribute("data-knob") or "nan")
     point.scroll_into_view_if_needed()
@@ -169,7 +176,7 @@ def test_pixels_are_read_as_floats(visit: Visits, service: Service, png: bytes) 
     window = visit()
     page = window.open()
     window.settled()
-    drop(page, png)
+    drop(page, png, pasted=True)
     window.settled()
     page.locator(".stage-canvas").focus()
     page.keyboard.press("Shift+ArrowLeft")
@@ -181,6 +188,10 @@ def test_pixels_are_read_as_floats(visit: Visits, service: Service, png: bytes) 
     place = SIZE[0] // 2, SIZE[1] // 2 - 10
     np.testing.assert_allclose(given, decode(png).pixels[place], atol=6e-6)
     np.testing.assert_allclose(np.rint(np.array(result) * 255), answered(service, "sigma=6", png)[place], atol=0)
+    page.locator(".drop select").select_option("noise:coloured")
+    expect(page.locator(".drop option").first).to_have_text(re.compile(r"^White noise in colour, seed \d+$"))
+    window.settled()
+    assert window.said == []
 
 
 def test_what_is_wrong_with_a_request_is_said_where_it_is(visit: Visits) -> None:
@@ -206,6 +217,8 @@ def test_what_is_wrong_with_a_request_is_said_where_it_is(visit: Visits) -> None
 def test_an_operation_that_makes_pictures_needs_none(visit: Visits) -> None:
     window = visit()
     page = window.open()
+    page.get_by_label("Family").select_option("noise")
+    expect(page.locator(".catalogue-list section")).to_have_count(1)
     page.get_by_label("Search operations").fill("worley")
     page.keyboard.press("Enter")
     expect(page.get_by_role("heading", name="worley_noise", exact=True)).to_be_visible()
@@ -215,11 +228,26 @@ def test_an_operation_that_makes_pictures_needs_none(visit: Visits) -> None:
     assert window.said == []
 
 
-def test_findings_are_a_table(visit: Visits) -> None:
+def test_findings_are_a_table_and_pages_an_animation(visit: Visits) -> None:
     window = visit()
     page = window.open("#/try/statistics")
     window.settled()
     expect(page.get_by_role("rowheader", name="channels mean")).to_be_visible()
+    window.open("#/try/lic?length=3&kernel=ripple&frames=9")
+    expect(page.locator(".page-number")).to_have_text(re.compile(r"^[2-9] / 9$"))  # it plays by itself
+    page.get_by_role("button", name="stop at this page").click()
+    page.locator(".stage-canvas").focus()
+    page.keyboard.press("Shift+ArrowLeft")
+    leaves = page.get_by_label("page", exact=True)
+    read = {}
+    for key, number in (("Home", 1), ("End", 9)):
+        leaves.press(key)
+        expect(page.locator(".page-number")).to_have_text(f"{number} / 9")
+        expect(page.locator(".samples").first).to_be_visible()
+        read[number] = page.locator(".samples").first.inner_text()
+    assert read[1] != read[9]
+    expect(page.get_by_role("button", name="play the pages")).to_be_visible()
+    assert window.said == []
 
 
 def test_the_same_request_can_be_taken_elsewhere(visit: Visits, service: Service) -> None:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import threading
+import time
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from email.message import Message
 from email.parser import BytesParser
 from typing import Any
@@ -14,8 +17,10 @@ import numpy as np
 import pytest
 
 import lichen
+from lichen import execution
 from lichen.files import decode, encode
 from lichen.image import Image
+from lichen.sharing import Sharing
 from lichen_service.app import Service
 from lichen_service.documents import content_digest
 from lichen_service.http.message import Response
@@ -198,3 +203,38 @@ def test_options_are_told_of_json(call: Caller) -> None:
     assert headers["Allow"] == "OPTIONS, POST, QUERY"
     assert "application/json" in headers["Accept-Query"]
     assert call("POST", "/v1/operations/gaussian?sigma=1", b"{}", {"content-type": "application/json"}).status == 415
+
+
+def test_requests_in_flight_do_a_common_step_once(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second arrives while the first is in the blur; each answers as it would alone."""
+    keeping = dataclasses.replace(settings, cache=1 << 20)
+    call = Caller(Service(keeping), keeping)
+    body = bytes(encode(Image(np.random.default_rng(98).random((40, 40, 3), dtype=np.float32)), "npy").data)
+    blur = "gaussian:sigma=3.5,method=fir,tail=1e-4"
+    texts = [f"{blur}|median:size=3", f"{blur}|levels:gamma=1.4"]
+    expected = [bytes(call("POST", target(each, device="numpy", verify="true"), body).body) for each in texts]
+    by_method, done, two = execution.by_method, [], threading.Event()
+
+    def noted(node: Any, *rest: Any) -> Any:
+        done.append(node.operation.name)
+        if node.operation.name == "gaussian":
+            assert two.wait(60)
+        return by_method(node, *rest)
+
+    monkeypatch.setattr(execution, "by_method", noted)
+    of = Sharing.of
+
+    def asked(self: Sharing, step: str, compute: Any) -> Any:
+        if "gaussian" in done:
+            threading.Timer(0.05, two.set).start()
+        return of(self, step, compute)
+
+    monkeypatch.setattr(Sharing, "of", asked)
+    with ThreadPoolExecutor(2) as pool:
+        first = pool.submit(call, "POST", target(texts[0], device="numpy"), body)
+        while "gaussian" not in done:
+            time.sleep(0.001)
+        second = pool.submit(call, "POST", target(texts[1], device="numpy"), body)
+        answers = [bytes(each.result(60).body) for each in (first, second)]
+    assert answers == expected
+    assert done.count("gaussian") == 1

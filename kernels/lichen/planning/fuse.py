@@ -32,9 +32,8 @@ def fuse(graph: Graph, request: Request) -> Graph:
         return graph
     facts = graph.facts()
     stages = {node.name for node in graph.nodes if stage_of(node, facts) is not None}
-    linked = _linked(graph, facts, request, stages)
-    if linked is not graph:
-        graph, stages = linked, {node.name for node in linked.nodes if stage_of(node, facts) is not None}
+    graph, further = _linked(graph, facts, request, stages)
+    stages |= further.keys()
     if len(stages) < 2:
         return graph
     readers: dict[str, list[str]] = {}
@@ -57,8 +56,11 @@ def fuse(graph: Graph, request: Request) -> Graph:
     return graph.replace(fused=found).deciding(_decision(chain, facts) for chain in found)
 
 
-def _linked(graph: Graph, facts: Mapping[str, Facts], request: Request, staged: Set[str]) -> Graph:
-    """With methods that are stages in place of others between stages, where that is quicker and the errors allow it."""
+def _linked(
+    graph: Graph, facts: Mapping[str, Facts], request: Request, staged: Set[str]
+) -> tuple[Graph, Mapping[str, Candidate]]:
+    """With methods that are stages in place of others between stages, where that is quicker and the errors allow it;
+    and what was taken for which node."""
     near = {source for node in graph.nodes if node.name in staged for source in node.inputs.values()}
     offered = {
         node.name: offers
@@ -67,18 +69,22 @@ def _linked(graph: Graph, facts: Mapping[str, Facts], request: Request, staged: 
         if (offers := _stages_among(node, facts))
     }
     if request.max_ms is not None or not offered:
-        return graph
+        return graph, {}
     choices = {node.name: node.choice for node in graph.nodes if node.choice is not None}
     targets = {name: target_error(facts[each.source], each, request) for name, each in graph.outputs.items()}
     problem = Problem(graph, facts, request, {}, targets, measures(request))
     kept = [measure for _, measure in problem.measures if problem.excess(choices, measure) <= 1][:1]
+    taken: dict[str, Candidate] = {}
     for name, offers in offered.items():
         for offer in offers:
-            trial = {**choices, name: offer}
+            trial = {**choices, **taken, name: offer}
             if all(problem.excess(trial, measure) <= 1 for measure in kept):
-                choices = trial
+                taken[name] = offer
                 break
-    return graph.replace(nodes=tuple(node.chosen(choices[node.name], node.alternatives) for node in graph.nodes))
+    if not taken:
+        return graph, {}
+    nodes = (node.chosen(taken[node.name], node.alternatives) if node.name in taken else node for node in graph.nodes)
+    return graph.replace(nodes=tuple(nodes)), taken
 
 
 def _stages_among(node: Node, facts: Mapping[str, Facts]) -> list[Candidate]:

@@ -231,6 +231,10 @@ class Graph:
     """by the names of sources that are opaque outside a rectangle, that rectangle"""
     banded: tuple[Banded, ...] = ()
     """chains of what runs, of which a band after the other is made"""
+    memo: list[tuple[object, object, Precision, dict[str, Facts]]] = field(
+        default_factory=list, compare=False, repr=False
+    )
+    """what `facts` found last, handed on to the graphs that are made of this one"""
 
     @classmethod
     def of(cls, sources: Mapping[str, Facts], nodes: Iterable[Node], output: str, **further: Any) -> Graph:
@@ -244,10 +248,17 @@ class Graph:
 
     def facts(self) -> dict[str, Facts]:
         """Facts of every source and node, forward through the graph."""
+        if self.memo:
+            sources, nodes, precision, found = self.memo[0]
+            if sources is self.sources and nodes is self.nodes and precision is self.precision:
+                return dict(found)
         known = {name: keeping(facts, self.precision) for name, facts in self.sources.items()}
+        lossless = self.precision.lossless
         for node in self.nodes:
-            known[node.name] = keeping(node.result(known), self.precision)
-        return known
+            made = node.about(known).result
+            known[node.name] = made if lossless else keeping(made, self.precision)
+        self.memo[:] = [(self.sources, self.nodes, self.precision, known)]
+        return dict(known)
 
     def running(self) -> tuple[Node, ...]:
         """The nodes as they run: a chain as its last node, which reads what the first one does."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +19,7 @@ from pydantic import Field
 from lichen.image import Alpha, Extent, Image
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
+from lichen.opencl.processors import processors
 from lichen.operation import (
     EXACT,
     POINTWISE,
@@ -37,6 +39,8 @@ from lichen.planning.region import WORTHWHILE, crop
 
 BLOCK = 16
 """Rows or columns that are looked through at once."""
+BAND = 8 << 20
+"""Bytes of a result that a thread copies at once."""
 CONVERSIONS = ("transfer", "premultiply")
 """Operations that leave coverage as it is."""
 
@@ -71,13 +75,24 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 
 
 def _patched(inputs: Inputs, p: Parameters, out: Array) -> Array:
-    """Every pixel is written once."""
+    """Every pixel is written once, by threads that take a band of rows each: one alone does not fill the memory bus."""
     image, part = inputs["image"].pixels, inputs["part"].pixels
     bottom, right = p.top + part.shape[0], p.left + part.shape[1]
-    out[: p.top], out[bottom:] = image[: p.top], image[bottom:]
-    rows = slice(p.top, bottom)
-    out[rows, : p.left], out[rows, right:] = image[rows, : p.left], image[rows, right:]
-    out[rows, p.left : right] = part
+
+    def band(start: int, end: int) -> None:
+        first, last = (min(max(row, start), end) for row in (p.top, bottom))
+        inner = slice(first, last)
+        out[start:first], out[last:end] = image[start:first], image[last:end]
+        out[inner, : p.left], out[inner, right:] = image[inner, : p.left], image[inner, right:]
+        out[inner, p.left : right] = part[first - p.top : last - p.top]
+
+    rows = max(1, BAND // out[0].nbytes)
+    starts = range(0, len(out), rows)
+    if len(starts) == 1:
+        band(0, len(out))
+        return out
+    with ThreadPoolExecutor(min(processors(), len(starts))) as pool:
+        list(pool.map(lambda start: band(start, min(start + rows, len(out))), starts))
     return out
 
 

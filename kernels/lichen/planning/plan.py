@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,7 @@ from lichen.planning.hidden import hidden
 from lichen.planning.join import concatenate, join
 from lichen.planning.light import light
 from lichen.planning.memory import peak_bytes, refuse_too_large
+from lichen.planning.notes import notes
 from lichen.planning.prune import identity, shared, unread
 from lichen.planning.region import region
 from lichen.planning.settle import settle
@@ -49,10 +50,18 @@ ENGINE_VERSION = "2"
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What will run. Printable, serialisable, hashed."""
+    """What will run. Printable (as notes), serialisable, hashed."""
 
     graph: Graph
     request: Request
+
+    def __str__(self) -> str:
+        return "\n".join(self.notes)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What runs, and what was left out and why, in sentences."""
+        return notes(self)
 
     @property
     def nodes(self) -> tuple[Node, ...]:
@@ -105,6 +114,24 @@ class Plan:
         said = [ENGINE_VERSION, self.request.backend, self.graph.precision, outputs, nodes, observers, banded]
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
+    def identities(self, origins: Mapping[str, str]) -> dict[str, str]:
+        """What stands for all that decides the pixels of each step that runs, by its name: what is done, from the
+        sources on, whose contents `origins` identifies. Steps that read others have none."""
+        chains = {chain[-1]: chain for chain in self.graph.fused}
+        bands = {each.steps[-1]: each for each in self.graph.banded}
+        found = dict(origins)
+        for node in self.graph.running():
+            if not all(source in found for source in node.inputs.values()):
+                continue
+            steps = bands[node.name].steps if node.name in bands else (node.name,)
+            done = [self.graph.named(name) for step in steps for name in chains.get(step, (step,))]
+            said = [_node_to_json(each) | {"name": "", "inputs": [*each.inputs]} for each in done]
+            rows = bands[node.name].rows if node.name in bands else 0
+            read = {key: found[source] for key, source in node.inputs.items()}
+            told = [self.request.backend, self.graph.precision, said, len(steps), rows, read]
+            found[node.name] = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+        return {name: each for name, each in found.items() if name not in origins}
+
     def to_json(self) -> dict[str, Any]:
         """The plan as JSON values: nodes, choices, alternatives with why they were not taken, decisions."""
         return {
@@ -122,6 +149,7 @@ class Plan:
             "fused": [list(chain) for chain in self.graph.fused],
             "bands": [{"nodes": list(each.steps), "rows": each.rows} for each in self.graph.banded],
             "decisions": [decision.to_json() for decision in self.decisions],
+            "notes": list(self.notes),
             "digest": self.digest,
         }
 

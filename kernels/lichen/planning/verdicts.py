@@ -118,6 +118,9 @@ class _Judge:
         apart = offer.seconds - self.taken.seconds
         if apart > 0:
             return f"slower by {_ms(apart)}"
+        if apart < 0:  # a step of a kernel saves more than it costs; and searches are bounded
+            chained = any(self.node.name in chain for chain in self.graph.fused)
+            return f"{_ms(-apart)} quicker {'alone, and no step of its kernel' if chained else 'and not found'}"
         return "no faster" if offer.error.value == self.taken.error.value else "no faster, and less accurate"
 
     def _worse(self, offer: Candidate) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from lichen.errors import Flaw, InvalidRequest
-from lichen.image import Image
+from lichen.image import Image, Space
 from lichen.operations.lighting.lamps import Kind
 from lichen.planning.graph import Decision
 from lichen.planning.pipeline import INPUT, Exit, Pipeline
@@ -254,6 +254,10 @@ class _Builder(Nodes):
         if not self.has("albedo"):
             raise InvalidRequest("The scene is not valid.", [Flaw("/buffers/albedo", "is required by ambient light")])
         r, g, b = self.scene.ambient
+        sent = self.images.get(self.scene.buffers.given.get("albedo", ""))
+        if self.prune and r == g == b == 1 and sent is not None and (sent.space, sent.channels) == (Space.LINEAR, 3):
+            self.leave_out("ambient", "it is white and of strength 1, and shows the albedo as it is")
+            return self.buffer("albedo")
         product = {"expression": f"({r!r} * a[0], {g!r} * a[1], {b!r} * a[2])", "light": "linear"}
         return self.add("ambient", "expression", product, {"a": self.buffer("albedo")}, "/ambient")
 

@@ -97,7 +97,7 @@ class Pipelines:
 
             def compute() -> Response:
                 with stages.stage("run"):
-                    results = prepared.run()
+                    results = prepared.run(shared=self._running.shared(digests, options))
                 timing = next(iter(results.values())).timing
                 stages.split("run", {name: taken for name, taken in timing.items() if name != "plan"})
                 with stages.stage("encode"):

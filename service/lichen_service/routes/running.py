@@ -25,7 +25,9 @@ from lichen.errors import Flaw, InvalidRequest, LichenError
 from lichen.files import FORMATS, Encoded, Limits, encode, probe, recognise, selection
 from lichen.image import Image
 from lichen.operation import Facts, Operation
-from lichen.order import read_order
+from lichen.order import Nonfinite, read_order
+from lichen.planning.pipeline import INPUT
+from lichen.sharing import Shared, Sharing
 from lichen_service import mixed, queries, uploads
 from lichen_service.addresses import canonical_of, link_to
 from lichen_service.assets import Assets
@@ -62,6 +64,7 @@ class Running:
             channels=settings.max_channels,
             bytes=settings.max_decoded,
         )
+        self._sharing = Sharing()
         # Hashing releases the interpreter, so the digests of large inputs are found while their pixels are computed.
         self._hashing = ThreadPoolExecutor(settings.threads, thread_name_prefix="hash")
 
@@ -117,7 +120,7 @@ class Running:
 
         def compute() -> Response:
             with stages.stage("run"):
-                (result,) = prepared.run().values()
+                (result,) = prepared.run(shared=self.shared(digests, options)).values()
             stages.split("run", {name: taken for name, taken in result.timing.items() if name != "plan"})
             with stages.stage("encode"):
                 encoded = None
@@ -154,6 +157,12 @@ class Running:
     def digests(self, given: Uploads) -> Future[dict[str, str]]:
         """SHA-256 of all uploads by name, found in the background."""
         return self._hashing.submit(_digests, given)
+
+    def shared(self, digests: Future[dict[str, str]], options: Options) -> Shared | None:
+        """How a run takes over steps that another is at work on; none of those of pictures that are repaired first."""
+        if not self._settings.cache or options.nonfinite is not Nonfinite.PROPAGATE:
+            return None
+        return Shared(self._sharing, {INPUT + name: each for name, each in digests.result().items()})
 
     def _read(self, operation: Operation[Any], request: Request) -> tuple[Query, Uploads]:
         """The query and the uploads. Raises what is wrong with either, all of it at once."""

@@ -17,7 +17,7 @@ from lichen.image import Image, as_image
 from lichen_service.studio.pictures import png
 
 TEST = "tests/kernels/test_every_operation.py::test_hard_cases_hold"
-"""What holds every method on every backend to all of them."""
+"""What holds every method on every backend to all of them; each has its own name there, after the backend."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,8 @@ def _examined(name: str, index: int) -> Examined:
     operation = catalogue.operation(name)
     case = operation.hard_cases[index]
     given = case.inputs()
-    account: dict[str, Any] = {"name": case.name, "why": case.why, "parameters": case.parameters, "test": TEST}
+    test = f"{TEST}[opencl-{name}: {case.name}]"
+    account: dict[str, Any] = {"name": case.name, "why": case.why, "parameters": case.parameters, "test": test}
     try:
         inputs = {key: as_image(each) for key, each in given.items()}
         method = case.methods[0] if case.methods else None
@@ -70,6 +71,7 @@ def _examined(name: str, index: int) -> Examined:
         result = lichen.run(name, **asked)
         account |= {
             "method": result.method,
+            "does": operation.methods[result.method].description if result.method in operation.methods else "",
             "device": result.device,
             "nonfinite": result.nonfinite,
             "result": _told(result.image),

@@ -88,6 +88,7 @@ def showcases() -> dict[str, Any]:
     """What the page needs of all operations."""
     return {
         "samples": list(samples().values()),
+        "noise": _content("noise.json"),
         "pipelines": _content("pipelines.json"),
         "scenes": _content("scenes.json"),
         "formats": [{"name": name, "media_type": each.media_type} for name, each in FORMATS.items()],

@@ -26,7 +26,7 @@ STAGED = {
     if method.stage is not no_stage
 }
 CHAIN = (
-    "transfer:direction=decode|matrix:matrix=[[0.8,0.15,0.05],[0.1,0.8,0.1],[0.05,0.15,0.8]]|levels:white=0.7"
+    "transfer:direction=decode|matrix:matrix=[[0.8,0.15,0.05],[0.1,0.8,0.1],[0.05,0.15,0.8]]|levels:black=0.02"
     "|saturation:amount=1.2|curve:points=[[0,0],[0.3,0.2],[0.7,0.8],[1,1]]|transfer:direction=encode"
 )
 

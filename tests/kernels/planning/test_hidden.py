@@ -10,6 +10,7 @@ import pytest
 from lichen.engine import Prepared, prepare_pipeline
 from lichen.execution import exact
 from lichen.image import Alpha, Image, Space
+from lichen.planning import hidden
 from lichen.planning.hidden import thin_part
 
 RNG = np.random.default_rng(8)
@@ -83,3 +84,14 @@ def test_the_thin_part_is_found_from_all_sides() -> None:
     assert thin_part(image) == (20, 33, 12, 28)
     assert thin_part(picture()) == (0, 0, 50, 70)
     assert thin_part(image.replace(alpha=Alpha.NONE)) is None
+
+
+@pytest.mark.parametrize("part", [(0, 0, 50, 30), (7, 20, 11, 13), (0, 40, 50, 30), (49, 69, 1, 1)])
+def test_a_patch_is_the_same_in_bands(part: tuple[int, int, int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    left, top, width, height = part
+    inner = Image(RNG.random((height, width, 4), dtype=np.float32), Space.SRGB, Alpha.ASSOCIATED)
+    expected = BELOW.pixels.copy()
+    expected[top : top + height, left : left + width] = inner.pixels
+    monkeypatch.setattr(hidden, "BAND", 3 * BELOW.pixels[0].nbytes)
+    made = hidden.Exact.numpy({"image": BELOW, "part": inner}, hidden.Parameters(left=left, top=top), 0.0)
+    np.testing.assert_array_equal(made, expected)

@@ -1,4 +1,5 @@
-"""Random pipelines over the whole catalogue: what a plan leaves out changes the result by no more than it says.
+"""Random pipelines over the whole catalogue, and random scenes: what a plan leaves out changes the result by no more
+than it says.
 
 Three things are held, on drawn pictures with hard cases among them:
 
@@ -6,12 +7,17 @@ Three things are held, on drawn pictures with hard cases among them:
 * by the methods chosen, each keeps the error its plan states, so the two differ by no more than both errors;
 * where only work was dropped that nobody reads or that is done already, and the methods are the same, no bit differs.
 
-A hundred draws, always the same, run with every test; `make fuzz` draws two thousand new ones (LICHEN_PIPELINES).
+Operations that read what a scene's camera sees find depths, normals and motions among the sources, and whole scenes
+are held to the first two as well: what their lights, fog and finish leave out by what the geometry shows.
+
+A hundred draws and six scenes, always the same, run with every test; `make fuzz` draws two thousand new ones and a
+scene for every eight of them (LICHEN_PIPELINES).
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,18 +26,23 @@ from hypothesis import strategies as st
 
 import lichen
 from lichen.accuracy.metrics import difference
-from lichen.engine import Prepared, prepare_pipeline
+from lichen.engine import Prepared, Result, prepare_pipeline, prepare_scene
 from lichen.errors import InvalidRequest, LichenError, Unattainable
 from lichen.execution import exact
 from lichen.image import Alpha, Image, Space
-from lichen.operation import Facts
+from lichen.operation import Facts, Operation
 from lichen.planning.check import flaws_of
 from lichen.planning.graph import Node
 
 from ..accuracy import drawing
 from ..accuracy.test_bounds import SHARE, UNDERFLOW, representable
+from ..scene.drawing import scenes
 
 OPERATIONS = dict(lichen.operations())
+FAMILIES = {
+    family: [name for name, each in OPERATIONS.items() if each.family == family]
+    for family in {each.family for each in OPERATIONS.values()}
+}
 FUZZED = int(os.environ.get("LICHEN_PIPELINES", "0"))
 DEAREST = 0.5
 """Seconds that the truth of one node may take."""
@@ -69,19 +80,73 @@ def pictures(draw: st.DrawFn, height: int, width: int) -> Image:
     return Image(np.ascontiguousarray(made), draw(st.sampled_from(list(Space))), alpha)
 
 
+SEEN = {
+    "depth": "depth",
+    "map": "depth",
+    "normal": "normal",
+    "position": "normal",
+    "motion": "motion",
+    "field": "motion",
+}
+"""Sources by the names of inputs that hold what a camera sees."""
+
+
+@st.composite
+def views(draw: st.DrawFn, height: int, width: int) -> dict[str, Image]:
+    """What a camera may have seen: depths with nothing behind some of them, normals of any length, motions."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    depth = rng.uniform(0.5, 9, (height, width, 1)).astype(np.float32)
+    depth[rng.random(depth.shape) < draw(st.sampled_from([0, 0.2]))] = np.inf
+    normal = rng.normal(0, 1, (height, width, 3)).astype(np.float32)
+    normal[rng.random((height, width)) < draw(st.sampled_from([0, 0.1]))] = 0
+    motion = (rng.normal(0, 1, (height, width, 2)) * draw(st.sampled_from([0, 0.3, 3]))).astype(np.float32)
+    made = {"depth": depth, "normal": normal, "motion": motion}
+    return {name: Image(np.ascontiguousarray(each), Space.DATA) for name, each in made.items()}
+
+
+@st.composite
+def read_by(
+    draw: st.DrawFn, operation: Operation[Any], recent: Sequence[str], known: Mapping[str, Facts]
+) -> dict[str, str]:
+    """A source for every input of an operation: as a rule what it is made for, or else what was made last."""
+    found: dict[str, str] = {}
+    for each in operation.inputs:
+        if not (each.required or draw(st.booleans())):
+            continue
+        least, most = each.channels
+        fitting = [name for name in recent if least <= known[name].channels <= (most or 99)]
+        if each.name in SEEN and draw(st.integers(0, 3)):
+            fitting = [f"input.{SEEN[each.name]}"]
+        elif not fitting:
+            fitting = [name for name in known if least <= known[name].channels <= (most or 99)]
+        found[each.name] = draw(st.sampled_from(fitting or list(recent)))
+    return found
+
+
+@st.composite
+def settings_of(draw: st.DrawFn, operation: Operation[Any], height: int, width: int) -> dict[str, Any]:
+    """Parameters as drawn for the test of errors, or an example; pictures from nothing are as large as the rest."""
+    if draw(st.booleans()):
+        chosen = dict(draw(drawing.parameters(operation.name)))
+    else:
+        chosen = dict(draw(st.sampled_from(operation.examples)))
+    return {**chosen, "width": width, "height": height} if operation.generates else chosen
+
+
 @st.composite
 def pipelines(draw: st.DrawFn) -> tuple[dict[str, Any], dict[str, Image]]:
     """Up to six nodes that fit together, and one or two outputs."""
     height, width = draw(st.integers(1, 24)), draw(st.integers(1, 24))
-    images = {name: draw(pictures(height, width)) for name in ("image", "other")}
+    images = {name: draw(pictures(height, width)) for name in ("image", "other")} | draw(views(height, width))
     known = {f"input.{name}": Facts.of(image) for name, image in images.items()}
+    drawn = [f"input.{name}" for name in ("image", "other")]
     nodes: dict[str, Any] = {}
     for number in range(draw(st.integers(1, 6))):
         nearly = draw(st.booleans())
-        operation = OPERATIONS[draw(st.sampled_from(sorted(NEARLY) if nearly else sorted(OPERATIONS)))]
-        recent = st.sampled_from(list(known)[::-1][: 2 + number // 2])
-        inputs = {each.name: draw(recent) for each in operation.inputs if each.required or draw(st.booleans())}
-        chosen = draw(st.sampled_from(NEARLY[operation.name]) if nearly else drawing.parameters(operation.name))
+        of = sorted(NEARLY) if nearly else FAMILIES[draw(st.sampled_from(sorted(FAMILIES)))]
+        operation = OPERATIONS[draw(st.sampled_from(of))]
+        inputs = draw(read_by(operation, drawn[::-1][: 2 + number // 2], known))
+        chosen = draw(st.sampled_from(NEARLY[operation.name]) if nearly else settings_of(operation, height, width))
         try:
             parameters = operation.validate(chosen)
         except InvalidRequest:
@@ -94,6 +159,7 @@ def pipelines(draw: st.DrawFn) -> tuple[dict[str, Any], dict[str, Image]]:
         if made.samples > 1 << 14 or made.extent.magnitude > 1e12:
             continue
         known[node.name] = made
+        drawn.append(node.name)
         nodes[node.name] = {"operation": operation.name, "parameters": chosen, "inputs": inputs}
     assume(nodes)
     outputs = draw(st.lists(st.sampled_from(sorted(nodes)), min_size=1, max_size=2, unique=True))
@@ -174,15 +240,60 @@ def test_plans_change_results_by_no_more_than_they_say() -> None:
             assert not apart.mismatched or not np.isfinite(truths[1]).all(), told
             if lossless:
                 np.testing.assert_array_equal(result.image.pixels, full[name].image.pixels, err_msg=told)
-            both = result.error.value + full[name].error.value
-            pixels = [each.image.pixels for each in (result, full[name])]
-            found = difference(pixels[0], representable(pixels[1].astype(np.float64), pixels[0], both), alpha)
-            good = found.largest <= both + UNDERFLOW
-            if result.error.kind == full[name].error.kind == "bound":
-                assert good, f"{found} beyond {both}: {told}"
             tried += 1
-            if not good:
-                broken.append(f"{found} beyond {both}: {told}")
+            if wrong := beyond(result, full[name]):
+                broken.append(f"{wrong}: {told}")
+
+    holds()
+    assert len(broken) <= max(tried * SHARE, 0 if not FUZZED else 1), "\n".join(broken[:20])
+
+
+def beyond(pruned: Result, whole: Result) -> str:
+    """How much farther apart two results are than both errors allow; empty where they are not. Bounds must hold."""
+    both = pruned.error.value + whole.error.value
+    pixels = [each.image.pixels for each in (pruned, whole)]
+    known = representable(pixels[1].astype(np.float64), pixels[0], both)
+    found = difference(pixels[0], known, pruned.image.alpha)
+    if found.largest <= both + UNDERFLOW:
+        return ""
+    assert {pruned.error.kind, whole.error.kind} != {"bound"}, f"{found} beyond {both}: {pruned.plan.decisions}"
+    return f"{found} beyond {both}"
+
+
+def test_scenes_change_by_no_more_than_they_say() -> None:
+    broken: list[str] = []
+    tried = 0
+
+    @settings(
+        max_examples=FUZZED // 8 or 6,
+        derandomize=not FUZZED,
+        phases=[Phase.generate],
+        database=None,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(scenes(), st.sampled_from([None, 1e-2, 1e-4]), st.sampled_from(["numpy", "opencl"]))
+    def holds(drawn: tuple[dict[str, Any], dict[str, Image]], max_error: float | None, device: str) -> None:
+        nonlocal tried
+        scene, images = drawn
+        wish = {"images": images, "max_error": max_error, "device": device}
+        try:
+            pruned, whole = prepare_scene(scene, **wish), prepare_scene(scene, **wish, prune=False)
+        except Unattainable:
+            assume(False)
+        told = f"{scene}, {max_error}, {device}"
+        truths = [exact(each.plan.graph, each.order.images) for each in (pruned, whole)]
+        allowed = sum(
+            each.bound for each in pruned.plan.decisions if each.pass_ in ("invisible", "join", "scene", "tiles")
+        )
+        apart = difference(truths[0], truths[1], Alpha.NONE)
+        large = float(np.max(np.abs(truths[1][np.isfinite(truths[1])]), initial=1.0))
+        assert apart.largest <= allowed + (1e-9 + JOINT) * large, f"by definition {apart} beyond {allowed}: {told}"
+        assert not apart.mismatched, told
+        (result,), (full,) = pruned.run().values(), whole.run().values()
+        tried += 1
+        if wrong := beyond(result, full):
+            broken.append(f"{wrong}: {told}")
 
     holds()
     assert len(broken) <= max(tried * SHARE, 0 if not FUZZED else 1), "\n".join(broken[:20])

@@ -355,20 +355,22 @@ def test_pictures_are_let_go_after_their_last_reader(monkeypatch: pytest.MonkeyP
 
 
 MIXED = {"matrix": [[0.8, 0.15, 0.05, 0.1], [0.1, 0.8, 0.1, 0], [0.05, 0.15, 0.8, -0.1]]}
+SECOND: dict[str, dict[str, Any]] = {"levels": {"white": (0.7, -0.8, 0.9)}, "saturation": {"amount": 1.4}}
 
 
 @pytest.mark.parametrize("alpha", list(Alpha))
 def test_matrices_that_follow_one_another_are_multiplied(alpha: Alpha) -> None:
     facts = Facts(9, 7, 3 + (alpha is not Alpha.NONE), Space.LINEAR, alpha)
-    chain = [node("a", "matrix", "in", **MIXED), node("b", "saturation", "a", amount=1.4)]
-    made = join(graph(*chain, node("c", "hue_rotate", "b", angle=40), facts=facts), Request())
+    name = "saturation" if alpha is Alpha.ASSOCIATED else "levels"  # which are of straight colours
+    chain = [node("a", "matrix", "in", **MIXED), node("b", name, "a", **SECOND[name])]
+    before = graph(*chain, node("c", "hue_rotate", "b", angle=40), facts=facts)
+    made = join(before, Request())
     assert [(each.name, each.operation.name) for each in made.nodes] == [("c", "matrix")]
     assert [(each.pass_, each.node) for each in made.decisions] == [("join", "a"), ("join", "b")]
     assert all(0 < each.bound < 1e-13 and each.saved_ms > 0 for each in made.decisions)
     pixels = np.random.default_rng(3).random((9, 7, facts.channels)).astype(np.float32)
     pixels[2, 3, 1] = np.nan
     image = Image(pixels, Space.LINEAR, alpha)
-    before = graph(*chain, node("c", "hue_rotate", "b", angle=40), facts=facts)
     one, three = (execution.exact(each, {"in": image}) for each in (made, before))
     np.testing.assert_allclose(one, three, rtol=0, atol=1e-14)
 

@@ -201,3 +201,32 @@ def test_a_part_is_what_it_is_in_the_whole(operation: Operation[Any]) -> None:
         made = [each.run()["x"] for each in (part, full)]
         both = made[0].error.value + made[1].error.value
         assert difference(made[0].image.pixels, made[1].image.pixels).largest <= both + 1e-30
+
+
+def test_what_is_read_at_other_places_is_not_cut_with_the_picture() -> None:
+    """A projector's slide may be as large as the picture, and is no part of it all the same."""
+    rng = np.random.default_rng(6)
+    size = 12, 20
+    x, y = np.meshgrid(np.linspace(-1, 1, size[1]), np.linspace(-1, 1, size[0]))
+    given = {
+        "normal": np.broadcast_to(np.array([0, 0, 1], np.float32), (*size, 3)).copy(),
+        "position": np.stack([x, y, 0 * x - 3], axis=-1).astype(np.float32),
+        "slide": rng.random((*size, 3), dtype=np.float32),
+    }
+    lamp = {"kind": "projector", "position": [0, 0, 0], "direction": [0, 0, -1], "fov": 60}
+    said = {
+        "nodes": {
+            "lit": {
+                "operation": "lighting",
+                "parameters": {"lights": [lamp], "model": "lambert"},
+                "inputs": {name: f"input.{name}" for name in given},
+            }
+        },
+        "outputs": {"x": {"node": "lit", "crop": [11, 6, 5, 4]}},
+    }
+    pruned, whole = (
+        lichen.run_pipeline(said, images=given, device="numpy", prune=prune)["x"].image.pixels
+        for prune in (True, False)
+    )
+    assert whole.any()
+    np.testing.assert_array_equal(pruned, whole)

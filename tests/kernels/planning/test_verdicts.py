@@ -88,6 +88,7 @@ def test_where_nothing_can_be_promised_the_customary_setting_is_explained() -> N
         (0.0, 0.0, "accurate enough, but no faster"),
         (0.0, 1e-5, "accurate enough, but no faster, and less accurate"),
         (2e-3, 0.0, "accurate enough, but slower by 2 ms"),
+        (-1e-5, 0.0, "accurate enough, but 0.01 ms quicker and not found"),
     ],
 )
 def test_ties_are_no_slower(seconds: float, error: float, said: str) -> None:

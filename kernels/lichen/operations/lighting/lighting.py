@@ -157,6 +157,11 @@ lighting = Operation(
     footprint=lambda p, facts: POINTWISE,
     result=_result,
     propagate=_propagate,
+    implied=lambda p, facts: (
+        "slides and lists of tiles are read where lamps and the picture's corner say, whatever part is taken"
+        if "slide" in facts or "tiles" in facts
+        else {}
+    ),
     check=_check,
     examples=EXAMPLES,
     hard_cases=CASES,

@@ -43,6 +43,7 @@ from lichen.operation import (
     OperationParameters,
     Rate,
 )
+from lichen.operations.colour.affine import Affine, Scaling
 from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned
 from lichen.stage import Stage
 
@@ -54,6 +55,8 @@ if TYPE_CHECKING:
 
 Level = Annotated[float, Field(ge=-1e9, le=1e9)]
 Levels = Level | Annotated[tuple[Level, ...], Field(min_length=1, max_length=64)]
+COLOURS = 3
+"""Of a picture that a matrix takes."""
 NARROWEST = 1e-6
 """White and black differ by this much of the larger, or a window would be narrower than float32 resolves."""
 
@@ -151,6 +154,17 @@ def _departure(p: Parameters, facts: InputFacts) -> dict[str, float]:
             t = min(max(t, 0.0), 1.0) if p.clamp else t
             most = max(most, abs(channel.low + t * (channel.high - channel.low) - x))
     return {"image": most}
+
+
+def _link(p: Parameters, facts: InputFacts) -> Scaling | None:
+    """Factors alone, where black stays black and nothing bends: an exposure, which a matrix beside it takes in."""
+    image = facts["image"]
+    if _curved(p) or p.clamp or image.alpha is Alpha.ASSOCIATED or _colours(image) != COLOURS:
+        return None
+    each = channels(p, COLOURS)
+    if any(channel.black or channel.low for channel in each):
+        return None
+    return Scaling(Affine.of(np.diag([channel.high / channel.white for channel in each])), image.channels)
 
 
 def _power(t: float, gamma: float) -> float:
@@ -268,6 +282,7 @@ levels = Operation(
     result=_result,
     propagate=_propagate,
     wants_alpha=Alpha.STRAIGHT,
+    link=_link,
     check=_check,
     examples=(
         {"black": 0.1, "white": 0.8},

@@ -70,5 +70,7 @@ const ICONS = {
   ],
   upload: ["M12 16V5", "M7 9l5-5l5 5", "M5 20h14"],
   check: ["M5 13l4 4L19 7"],
+  play: ["M8 5l11 7l-11 7z"],
+  pause: ["M9 5v14", "M15 5v14"],
   cross: ["M6 6l12 12", "M18 6L6 18"],
 };

@@ -54,18 +54,42 @@ export const setting = (knob) => (Math.abs(knob) >= 0.1 ? String(Number(knob.toP
 // What a tenfold smaller error would cost from the setting in use, in a sentence; with the setting that gives it.
 export function tenfold(points, inUse) {
   if (!inUse) return null;
-  const better = front(points).filter((each) => each.error <= inUse.error / 10)[0];
-  if (inUse.error === 0) return { text: "Nothing is more exact than this." };
-  if (!better) {
-    const best = front(points).at(-1);
-    if (!best || best.error >= inUse.error * 0.99) return { text: "No setting is more accurate than the one in use." };
+  if (inUse.error === 0) return { text: "This is exact: there is no error left to pay for." };
+  const along = front(points);
+  const better = along.find((each) => each.error <= inUse.error / 10);
+  if (better) {
+    const times = `${milliseconds(better.ms)} instead of ${milliseconds(inUse.ms)}`;
     return {
-      text: `No setting is ten times as accurate; the best, ${named(best)}, comes to ${short(best.error)} for ${more(best.ms / inUse.ms)}.`,
-      point: best,
+      text: [
+        `A tenfold smaller error, ${short(better.error)} instead of ${short(inUse.error)}, costs`,
+        `${more(better.ms / inUse.ms)}: ${times}, by ${named(better)}.`,
+      ].join(" "),
+      point: better,
     };
   }
+  const best = along.at(-1);
+  const beyond = "Below that only the definition itself is left, in doubles, however long that takes.";
+  if (!best || best.error >= inUse.error * 0.99)
+    return { text: `Nothing has a tenfold smaller error: no setting is more accurate than the one in use. ${beyond}` };
+  const [gain, cost] = [inUse.error / best.error, best.ms / inUse.ms];
+  const rate = cost > 1.05 && gain > 1.5 ? cost ** (Math.LN10 / Math.log(gain)) : 0;
+  const going = rate ? `; at that rate a tenfold smaller one would cost about ${short(rate, 2)} times the time` : "";
   return {
-    text: `An error ten times smaller costs ${more(better.ms / inUse.ms)}: ${milliseconds(better.ms)} by ${named(better)}.`,
-    point: better,
+    text: [
+      `No setting has a tenfold smaller error. The smallest is ${short(gain, 2)} times smaller, for ${more(cost)}`,
+      `(${milliseconds(best.ms)} instead of ${milliseconds(inUse.ms)}, by ${named(best)})${going}. ${beyond}`,
+    ].join(" "),
+    point: best,
   };
+}
+
+const STEP = 1 / 255;
+
+// What an error means to the eye, for results that are pictures.
+export function meaning(error) {
+  const scale = `Errors count from black, 0, to white, 1: one step of an 8-bit picture is ${short(STEP)}`;
+  if (!(error > 0)) return `${scale}.`;
+  const steps = error / STEP;
+  if (steps < 0.5) return `${scale}, so that what is in use, ${short(error)}, cannot be seen.`;
+  return `${scale}; what is in use may be off by ${short(error)}, ${short(steps, 2)} ${steps > 0.95 && steps < 1.05 ? "step" : "steps"}.`;
 }

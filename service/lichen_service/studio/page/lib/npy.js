@@ -4,7 +4,8 @@
 const ARRAYS = { "<f4": Float32Array, "<f8": Float64Array, "|u1": Uint8Array, "<u2": Uint16Array };
 const SCALES = { "|u1": 255, "<u2": 65535 };
 
-// { width, height, channels, data }; integers become numbers in [0, 1], as the service reads them.
+// { width, height, channels, pages, data }, where pages of this height follow one another; integers become numbers in
+// [0, 1], as the service reads them.
 export function read(buffer) {
   const view = new DataView(buffer);
   if (view.getUint8(0) !== 0x93 || view.getUint8(6) < 1) throw new Error("This is no NPY file.");
@@ -19,9 +20,10 @@ export function read(buffer) {
     .filter((each) => each.trim())
     .map(Number);
   if (/'fortran_order':\s*True/.test(header)) throw new Error("Columns first is not read here.");
+  const pages = shape.length > 3 ? shape.shift() : 1;
   const [height, width, channels] = [shape[0], shape[1] ?? 1, shape[2] ?? 1];
   const data = samples(buffer.slice(start + length), descr);
-  return { width, height, channels, data };
+  return { width, height, channels, pages, data };
 }
 
 function samples(buffer, descr) {

@@ -17,7 +17,7 @@ export class Picture {
     Object.assign(this, { blob, title, facts, sample });
   }
 
-  // { data, width, height, channels, space, alpha }: the service decodes what is no NPY yet.
+  // { data, width, height, channels, pages, space, alpha }: the service decodes what is no NPY yet.
   floats() {
     this.#floats ??= this.#read().catch((failure) => {
       this.#floats = undefined;
@@ -26,7 +26,7 @@ export class Picture {
     return this.#floats;
   }
 
-  // { bitmap, width, height, range }
+  // { bitmaps, width, height, range }: a bitmap of this size for each page
   look() {
     this.#look ??= this.#seen().catch((failure) => {
       this.#look = undefined;
@@ -51,11 +51,12 @@ export class Picture {
   async #seen() {
     if (SEEN.has(this.blob.type)) {
       const bitmap = await createImageBitmap(this.blob, BITMAP);
-      return { bitmap, width: bitmap.width, height: bitmap.height, range: null };
+      return { bitmaps: [bitmap], width: bitmap.width, height: bitmap.height, range: null };
     }
     const floats = await this.floats();
-    const { picture, range } = shown(floats, floats);
-    return { bitmap: await createImageBitmap(picture, BITMAP), width: floats.width, height: floats.height, range };
+    const { pictures, range } = shown(floats, floats);
+    const bitmaps = await Promise.all(pictures.map((each) => createImageBitmap(each, BITMAP)));
+    return { bitmaps, width: floats.width, height: floats.height, range };
   }
 }
 

@@ -6,10 +6,15 @@ export class Queue {
   #going = false;
   #open = false;
 
-  // `work` returns a promise; what it says does not matter.
-  add(work) {
-    this.#waiting.push(work);
+  // `work` returns a promise; what it says does not matter. What is `wanted` when its turn might come goes first.
+  add(work, wanted = () => false) {
+    this.#waiting.push({ work, wanted });
     this.#go();
+  }
+
+  #next() {
+    const first = this.#waiting.findIndex(({ wanted }) => wanted());
+    return this.#waiting.splice(Math.max(0, first), 1)[0];
   }
 
   // From here on what waits is done.
@@ -23,7 +28,7 @@ export class Queue {
     this.#going = true;
     while (this.#waiting.length) {
       try {
-        await this.#waiting.shift()();
+        await this.#next().work();
       } catch (failure) {
         console.info(failure);
       }

@@ -5,11 +5,11 @@ import { parts } from "./multipart.js";
 import { BITMAP, factsOf, Picture } from "./picture.js";
 
 const CUT = 1e-3; // share of samples beyond what a PNG holds from which the floats are looked at instead
+// A PNG where it holds the result. Two channels, more than four, and several pages it does not: those come as floats.
+export const SEEN = "image/png, application/x-npy;q=0.5";
 
-// `floats`: whether the result is known to be none that a PNG can hold.
-export async function run(order, { signal, preview = null, verify = false, floats = false } = {}) {
+export async function run(order, { signal, preview = null, verify = false } = {}) {
   const { described } = order;
-  const format = floats ? "application/x-npy" : "image/png";
   const several = (verify || described.findings) && !preview;
   const query = preview ? order.copy({ wishes: preview }).query() : order.query(verify ? { verify: true } : {});
   const began = performance.now();
@@ -17,7 +17,7 @@ export async function run(order, { signal, preview = null, verify = false, float
     query,
     signal,
     body: order.body(),
-    headers: { Accept: several ? `multipart/mixed, ${format}` : format },
+    headers: { Accept: several ? `multipart/mixed, ${SEEN}` : SEEN },
   });
   const buffer = await response.arrayBuffer();
   const took = performance.now() - began;
@@ -38,18 +38,20 @@ export async function run(order, { signal, preview = null, verify = false, float
     took,
     headers: response.headers,
     preview: Boolean(preview),
-    look: await looked(order, picture, response.headers, facts, { signal, preview, floats }),
+    look: await looked(order, picture, response.headers, facts, { signal, preview }),
     findings: found ? JSON.parse(new TextDecoder().decode(found.body)) : null,
-    map: map && !floats ? await createImageBitmap(new Blob([map.body], { type: "image/png" }), BITMAP) : null,
+    map: map && picture.blob.type === "image/png" ? await bitmapOf(map.body) : null,
     scale: scaleOf(map?.headers.get("lichen-map")),
   };
 }
 
+const bitmapOf = (body) => createImageBitmap(new Blob([body], { type: "image/png" }), BITMAP);
+
 // Data that a PNG cut off is fetched once more, as floats, and stretched.
-async function looked(order, picture, headers, facts, { signal, preview, floats }) {
+async function looked(order, picture, headers, facts, { signal, preview }) {
   const look = await picture.look();
   const cut = Number(headers.get("Lichen-Clipped") ?? 0) / (look.width * look.height * 3);
-  if (floats || facts.space !== "data" || cut < CUT) return look;
+  if (picture.blob.type !== "image/png" || facts.space !== "data" || cut < CUT) return look;
   return (await asFloats(order, { signal, preview })).look();
 }
 
@@ -66,14 +68,14 @@ export async function asFloats(order, { signal, preview } = {}) {
 }
 
 // The plan, as it would be if no method were named: it judges all of them.
-export async function explain(order, { floats = false } = {}) {
+export async function explain(order) {
   const named = new Set(["method", ...order.described.methods.map((each) => each.knob?.name)]);
   const wishes = Object.fromEntries(Object.entries(order.wishes).filter(([name]) => !named.has(name)));
   const response = await request("POST", order.path, {
     query: order.copy({ wishes }).query({ explain: true }),
     body: order.body(),
     quiet: true,
-    headers: { Accept: floats ? "application/x-npy" : "image/png" }, // as the run itself: the format decides what is seen
+    headers: { Accept: SEEN }, // as the run itself: the format decides what is seen
   });
   return response.json();
 }

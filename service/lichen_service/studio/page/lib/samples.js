@@ -28,9 +28,20 @@ export function sample(name) {
   return made.get(name);
 }
 
+// Noise of a kind that the showcase names, with a seed of its own each time; not kept.
+export async function noise(kind) {
+  const { title, pipeline } = (await showcase()).noise[kind];
+  const seed = Math.floor(Math.random() * 2 ** 31);
+  return drawn({ title: `${title}, seed ${seed}`, pipeline: pipeline.replaceAll("SEED", seed) }, `${kind}-${seed}`);
+}
+
 async function make(name) {
   const each = (await showcase()).samples.find((one) => one.name === name);
   if (!each) throw new Error(`There is no sample ${name}.`);
+  return drawn(each, name);
+}
+
+async function drawn(each, name) {
   if (each.file) {
     const response = await request("GET", `/studio/content/${each.file}`, { quiet: true });
     return new Picture(await response.blob(), each.title, { sample: name, facts: { space: "srgb", alpha: "none" } });

@@ -4,19 +4,21 @@
 const encode = (light) => (light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055);
 const clamp = (value) => (value < 0 ? 0 : value > 1 ? 1 : value);
 
-// { picture: ImageData, range: [low, high] or null where nothing was stretched }
-export function shown({ width, height, channels, data }, { space = "data", alpha = "none" } = {}) {
-  const picture = new ImageData(width, height);
+// { pictures: an ImageData for each page, range: [low, high] over all pages, or null where nothing was stretched }
+export function shown({ width, height, channels, pages = 1, data }, { space = "data", alpha = "none" } = {}) {
   const colours = channels - (alpha === "none" ? 0 : 1);
   const range = space === "data" && colours !== 2 ? stretch(data, channels, colours) : null;
   const pixel = colours === 2 ? vector(data, channels) : colour(space, colours, range);
-  const out = picture.data;
-  for (let i = 0, from = 0; i < out.length; i += 4, from += channels) {
-    pixel(data, from, out, i);
-    out[i + 3] = alpha === "none" ? 255 : 255 * clamp(data[from + channels - 1]);
-    spoilt(data, from, colours, out, i);
+  const pictures = Array.from({ length: pages }, () => new ImageData(width, height));
+  let from = 0;
+  for (const { data: out } of pictures) {
+    for (let i = 0; i < out.length; i += 4, from += channels) {
+      pixel(data, from, out, i);
+      out[i + 3] = alpha === "none" ? 255 : 255 * clamp(data[from + channels - 1]);
+      spoilt(data, from, colours, out, i);
+    }
   }
-  return { picture, range };
+  return { pictures, range };
 }
 
 function stretch(data, channels, colours) {

@@ -80,6 +80,7 @@ export function timeline(header, took) {
       return piece;
     }),
   );
+  const nodes = all.filter(([name, time]) => name.startsWith("kernel.") && time > 0);
   const longest = [...parts].sort((a, b) => b[1] - a[1]).slice(0, 3);
   const words = longest.map(([name, time]) =>
     h("span", h("i", { class: `dot ${part(name)}` }), `${name} ${milliseconds(time)}`),
@@ -88,6 +89,7 @@ export function timeline(header, took) {
     "div",
     { class: "time" },
     bar,
+    nodes.length > 1 ? flame(parts, nodes, sum) : null,
     h(
       "p",
       { class: "time-words" },
@@ -96,5 +98,34 @@ export function timeline(header, took) {
       parts.some(([name]) => name === "kernel") ? null : h("span", { class: "muted" }, "kept from an earlier run"),
       took ? h("span", { class: "muted" }, `here ${milliseconds(took)}`) : null,
     ),
+  );
+}
+
+// Below the kernels' piece of the bar: the nodes that share it.
+function flame(parts, nodes, sum) {
+  const before = parts.slice(0, parts.findIndex(([name]) => name === "kernel"));
+  const gone = before.reduce((all, [, time]) => all + time, 0);
+  const pieces = nodes.map(([name, time]) => {
+    const node = name.slice("kernel.".length);
+    const piece = h("span", { class: "flame-part", title: `${node} ${milliseconds(time)}` }, node);
+    piece.style.setProperty("flex-grow", time / sum);
+    return piece;
+  });
+  const gap = (share) => {
+    const element = h("span", { class: "flame-gap" });
+    element.style.setProperty("flex-grow", Math.max(0, share));
+    return element;
+  };
+  const used = nodes.reduce((all, [, time]) => all + time, 0);
+  return h(
+    "div",
+    {
+      class: "flame",
+      role: "img",
+      "aria-label": nodes.map(([name, time]) => `${name.slice("kernel.".length)} ${milliseconds(time)}`).join(", "),
+    },
+    gap(gone / sum),
+    pieces,
+    gap((sum - gone - used) / sum),
   );
 }

@@ -1,4 +1,4 @@
-// All operations by family, with a picture each, and a search over names and summaries.
+// All operations by family, with a picture each, and a search over names, families and summaries.
 
 import { fill, h, icon } from "../lib/dom.js";
 import { loaded, Queue, seen } from "../lib/queue.js";
@@ -15,16 +15,34 @@ export function catalogue(operations, { chosen }) {
   });
   const families = [...new Set(operations.map((each) => each.family))];
   let family = "";
-  const chips = h("div", { class: "chips", role: "group", "aria-label": "Families" });
+  const menu = h(
+    "select",
+    {
+      "aria-label": "Family",
+      onchange: () => {
+        family = menu.value;
+        show();
+      },
+    },
+    h("option", { value: "" }, `All ${families.length} families`),
+    families.map((name) => h("option", { value: name }, name)),
+  );
   const list = h("div", { class: "catalogue-list" });
   const count = h("p", { class: "visually-hidden", role: "status" });
   const queue = new Queue();
+  const inView = (item) => {
+    const [box, place] = [list, item].map((each) => each.getBoundingClientRect());
+    return item.isConnected && place.bottom > box.top && place.top < box.bottom;
+  };
   const watcher = seen(list, (item) =>
-    queue.add(() => {
-      const picture = item.querySelector("img");
-      picture.hidden = false;
-      return loaded(picture, `/studio/thumbnails/${picture.dataset.name}`);
-    }),
+    queue.add(
+      () => {
+        const picture = item.querySelector("img");
+        picture.hidden = false;
+        return loaded(picture, `/studio/thumbnails/${picture.dataset.name}`);
+      },
+      () => inView(item),
+    ),
   );
   const items = new Map(operations.map((each) => [each.name, item(each)]));
 
@@ -79,25 +97,6 @@ export function catalogue(operations, { chosen }) {
     count.textContent = `${found.length} operations`;
   }
 
-  fill(
-    chips,
-    ["", ...families].map((name) =>
-      h(
-        "button",
-        {
-          type: "button",
-          class: "chip",
-          "aria-pressed": String(name === family),
-          onclick: (event) => {
-            family = name;
-            for (const each of chips.children) each.setAttribute("aria-pressed", String(each === event.currentTarget));
-            show();
-          },
-        },
-        name || "all",
-      ),
-    ),
-  );
   search.addEventListener("input", show);
   search.addEventListener("keydown", (event) => {
     if (event.key === "Enter") list.querySelector("a")?.click();
@@ -132,7 +131,7 @@ export function catalogue(operations, { chosen }) {
   const element = h(
     "div",
     { class: "catalogue" },
-    h("div", { class: "catalogue-head" }, h("label", { class: "search-box" }, icon("search"), search), chips, count),
+    h("div", { class: "catalogue-head" }, h("label", { class: "search-box" }, icon("search"), search), menu, count),
     list,
   );
   for (const each of items.values()) watcher.observe(each);

@@ -33,8 +33,6 @@ export function graph(plan, measured = new Map()) {
     {
       class: "graph",
       viewBox: `0 0 ${width} ${height}`,
-      width,
-      height,
       role: "img",
       "aria-label": described(plan, dropped),
     },
@@ -50,6 +48,7 @@ export function graph(plan, measured = new Map()) {
     edges(nodes, places),
     [...nodes.values()].map((each) => node(each, places.get(each.name), time(each) / most, told(each))),
   );
+  drawing.style.setProperty("--natural", `${width}px`); // as wide as there is room, and no smaller than can be read
   return h(
     "div",
     { class: "scroll graph-scroll", tabindex: 0, role: "region", "aria-label": "Graph of the plan" },

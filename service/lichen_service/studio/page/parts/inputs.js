@@ -1,9 +1,11 @@
-// The pictures an operation reads: a field for each, on which a file is dropped or pasted, or a sample is chosen.
+// The pictures an operation reads: a field for each, on which a file is dropped or pasted, a sample is chosen, or noise is
+// made.
 
 import { fill, h, icon } from "../lib/dom.js";
 import { Picture } from "../lib/picture.js";
-import { sample, showcase } from "../lib/samples.js";
+import { noise, sample, showcase } from "../lib/samples.js";
 
+const NOISE = "noise:"; // what values of the menu begin with that make noise
 const TYPES = {
   npy: "application/x-npy",
   exr: "image/x-exr",
@@ -33,7 +35,9 @@ export function inputs(declared, given, { changed, failed }) {
   const element = h("div", { class: "inputs" }, fields);
   if (!declared.length)
     element.append(h("p", { class: "muted generator" }, "Makes its picture from nothing but parameters."));
-  return { element, take: (file) => declared.length && changed(declared[0].name, fromFile(file)) };
+  // A file that is meant for no field goes to the first that is a picture, as a photograph is no vector field.
+  const first = declared.find((each) => each.picture) ?? declared[0];
+  return { element, take: (file) => first && changed(first.name, fromFile(file)) };
 }
 
 // An input that may be left out, until somebody wants it.
@@ -112,6 +116,7 @@ function field(declared, picture, changed, failed) {
       return file.click();
     }
     try {
+      if (choose.value.startsWith(NOISE)) return take(await noise(choose.value.slice(NOISE.length)));
       return take(await sample(choose.value));
     } catch (failure) {
       return failed(failure);
@@ -129,12 +134,17 @@ function field(declared, picture, changed, failed) {
     if (event.dataTransfer.files[0]) take(fromFile(event.dataTransfer.files[0]));
   });
   showcase()
-    .then(({ samples }) =>
+    .then(({ samples, noise: kinds }) =>
       choose.append(
         h(
           "optgroup",
           { label: "Samples" },
           samples.map((each) => h("option", { value: each.name }, each.title)),
+        ),
+        h(
+          "optgroup",
+          { label: "Noise, another each time" },
+          Object.entries(kinds).map(([name, { title }]) => h("option", { value: `${NOISE}${name}` }, title)),
         ),
         h(
           "optgroup",
@@ -153,7 +163,7 @@ function field(declared, picture, changed, failed) {
   return drop;
 }
 
-function small({ bitmap, width, height }) {
+function small({ bitmaps: [bitmap], width, height }) {
   const canvas = h("canvas", { width: 96, height: 72, "aria-hidden": "true" });
   const k = Math.max(96 / width, 72 / height);
   canvas.getContext("2d").drawImage(bitmap, (96 - width * k) / 2, (72 - height * k) / 2, width * k, height * k);

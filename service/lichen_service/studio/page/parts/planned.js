@@ -7,6 +7,7 @@ import { milliseconds, short } from "../lib/numbers.js";
 import { read } from "../lib/npy.js";
 import { Picture, factsOf } from "../lib/picture.js";
 import { say } from "../lib/router.js";
+import { SEEN } from "../lib/run.js";
 import { sample } from "../lib/samples.js";
 import { account, errorOf } from "../parts/account.js";
 import { graph } from "../parts/graph.js";
@@ -20,6 +21,7 @@ import { stage } from "../parts/stage.js";
 export class Planned {
   #given = {};
   #run = 0;
+  #going = new AbortController(); // what was asked last; anything newer stops it
 
   constructor(root, presets, kind) {
     this.presets = presets;
@@ -122,12 +124,26 @@ export class Planned {
         ),
       ),
     );
-    this.found = () => this.#go();
-    events.addEventListener("found", this.found);
+    this.listeners = [
+      [events, "found", () => this.#go()],
+      [document, "paste", (event) => this.#own(event, event.clipboardData)],
+      [document, "dragover", (event) => event.preventDefault()],
+      [document, "drop", (event) => this.#own(event, event.dataTransfer)],
+    ];
+    for (const [target, name, act] of this.listeners) target.addEventListener(name, act);
   }
 
   unmount() {
-    events.removeEventListener("found", this.found);
+    this.#going.abort();
+    this.stage.stop();
+    for (const [target, name, act] of this.listeners) target.removeEventListener(name, act);
+  }
+
+  // A picture that was let go of anywhere, or pasted, is the first that is read.
+  #own(event, transfer) {
+    if (!transfer?.files[0]) return;
+    event.preventDefault();
+    this.drops?.take(transfer.files[0]);
   }
 
   async open({ query }) {
@@ -169,6 +185,7 @@ export class Planned {
       },
       failed: (failure) => this.#fail(failure),
     });
+    this.drops = declared.length ? made : null;
     fill(this.inputs, declared.length ? made.element : null);
   }
 
@@ -195,7 +212,7 @@ export class Planned {
     this.turning = false;
   }
 
-  #ask(further, headers = { Accept: "image/png" }, quiet = false, all = this.all.checked) {
+  #ask(further, { headers = { Accept: SEEN }, quiet = false, all = this.all.checked, signal } = {}) {
     const sent = this.kind.sent(this.text.value.trim(), this.#given);
     const query = [
       ...sent.query,
@@ -203,22 +220,31 @@ export class Planned {
       ...(all ? [["prune", "false"]] : []),
       ...further,
     ];
-    return request("POST", this.kind.path, { query, headers: { ...headers, ...sent.headers }, quiet, body: sent.body });
+    return request("POST", this.kind.path, {
+      query,
+      headers: { ...headers, ...sent.headers },
+      quiet,
+      signal,
+      body: sent.body,
+    });
   }
 
   async #go() {
     const mine = (this.#run += 1);
+    this.#going.abort();
+    this.#going = new AbortController();
+    const { signal } = this.#going;
     say(this.kind.name, "", this.kind.sent(this.text.value.trim(), {}).query);
     this.stage.busy(true);
     try {
-      const plan = await (await this.#ask([["explain", "true"]], undefined, true)).json();
+      const plan = await (await this.#ask([["explain", "true"]], { quiet: true, signal })).json();
       if (mine !== this.#run) return;
       fill(this.trouble);
       fill(this.proof);
       fill(this.graph, graph(plan));
       fill(this.decisions, decided(plan));
       const began = performance.now();
-      const response = await this.#ask([]);
+      const response = await this.#ask([], { signal });
       const picture = new Picture(await response.blob(), "result", { facts: factsOf(response) });
       const took = performance.now() - began;
       const result = await picture.look();
@@ -231,7 +257,7 @@ export class Planned {
       const first = Object.values(this.#given)[0];
       this.stage.show({ input: first ? await first.look() : null });
     } catch (failure) {
-      if (mine === this.#run) this.#fail(failure);
+      if (!signal.aborted) this.#fail(failure);
     } finally {
       if (mine === this.#run) this.stage.busy(false);
     }
@@ -244,7 +270,7 @@ export class Planned {
     try {
       const [planned, whole] = await Promise.all(
         [false, true].map(async (all) => {
-          const response = await this.#ask([["format", "npy"]], {}, true, all);
+          const response = await this.#ask([["format", "npy"]], { headers: {}, quiet: true, all });
           return { headers: response.headers, ...read(await response.arrayBuffer()) };
         }),
       );
@@ -266,7 +292,9 @@ export class Planned {
     fill(this.mapped);
     if (!this.kind.tiled || !this.tiles.checked) return this.stage.show({ overlay: null });
     try {
-      const { overlay, words } = await tiles(await this.#ask([["explain", "map"]], { Accept: "multipart/mixed" }, true));
+      const { overlay, words } = await tiles(
+        await this.#ask([["explain", "map"]], { headers: { Accept: "multipart/mixed" }, quiet: true }),
+      );
       if (mine !== this.#run || !this.tiles.checked) return undefined;
       fill(this.mapped, words);
       return this.stage.show({ overlay, opacity: 0.72 });
@@ -281,7 +309,7 @@ export class Planned {
     if (!result || this.probing === result) return;
     this.probing = result;
     try {
-      const response = await this.#ask([["format", "npy"]], {}, true);
+      const response = await this.#ask([["format", "npy"]], { headers: {}, quiet: true });
       const floats = await new Picture(await response.blob(), "result", { facts: factsOf(response) }).floats();
       if (this.result === result) this.stage.show({ floats });
     } catch (failure) {
@@ -308,6 +336,7 @@ function decided(plan) {
   const chosen = plan.decisions.filter((each) => each.pass === "choose");
   const others = plan.decisions.filter((each) => each.pass !== "choose");
   return [
+    h("details", { class: "more", open: true }, h("summary", "The plan in words"), noted(plan.notes)),
     others.length
       ? decisions("Left out and put together", others)
       : h("p", { class: "muted" }, "Nothing was left out or put together."),
@@ -320,6 +349,16 @@ function decided(plan) {
         )
       : null,
   ];
+}
+
+// Headings end in a colon, and what follows one begins with a dash.
+function noted(lines) {
+  const found = [];
+  for (const line of lines) {
+    if (line.startsWith("- ")) found.at(-1).append(h("li", line.slice(2)));
+    else found.push(h("p", line.endsWith(":") ? h("b", line) : line), h("ul"));
+  }
+  return h("div", { class: "notes" }, found);
 }
 
 function decisions(label, all) {

@@ -2,7 +2,7 @@
 // ten times more would cost, and the error as measured against truth, with its map.
 
 import { fill, h } from "../lib/dom.js";
-import { front, judged, named, settings, tenfold } from "../lib/front.js";
+import { front, judged, meaning, named, settings, tenfold } from "../lib/front.js";
 import { milliseconds, short } from "../lib/numbers.js";
 import { plot } from "./plot.js";
 
@@ -10,6 +10,7 @@ import { plot } from "./plot.js";
 export function price({ choose, measure, opacity }) {
   const plotted = h("div", { class: "price-plot" });
   const words = h("p", { class: "price-words" });
+  const scale = h("p", { class: "muted price-scale" });
   const walk = h("div", { class: "walk" });
   const corpus = h("p", { class: "muted corpus" });
   const verify = h("input", {
@@ -25,6 +26,7 @@ export function price({ choose, measure, opacity }) {
     { class: "price", "aria-labelledby": "price-title" },
     h("h2", { id: "price-title" }, "What accuracy costs"),
     words,
+    scale,
     plotted,
     walk,
     corpus,
@@ -32,13 +34,14 @@ export function price({ choose, measure, opacity }) {
     measured,
   );
 
-  // `plan` as the service explained it; `order` is what was asked, `used` the setting that ran.
-  function show(plan, order, used) {
+  // `plan` as the service explained it; `order` is what was asked, `used` the setting that ran, `space` what its result is.
+  function show(plan, order, used, space) {
     const node = plan.nodes.find((each) => each.operation === order.name);
     if (!node) {
       fill(plotted);
       fill(walk);
       const why = plan.decisions.find((each) => each.action === "dropped" || each.action === "skipped");
+      fill(scale);
       words.textContent = `Nothing is computed: ${why ? why.reason : "the result is the input"}. It is exact and costs nothing.`;
       return;
     }
@@ -57,6 +60,7 @@ export function price({ choose, measure, opacity }) {
     if (points.length < 2) {
       fill(plotted);
       fill(walk);
+      fill(scale);
       words.textContent = inUse
         ? `There is one way to compute this, ${named(inUse)}: ${inUse.error ? `an error of ${short(inUse.error)} at most` : "without any error"}, in ${milliseconds(inUse.ms)}. Nothing to trade.`
         : "No setting can be judged for this picture.";
@@ -74,6 +78,12 @@ export function price({ choose, measure, opacity }) {
       said ? said.text : "",
       said?.point ? h("button", { type: "button", class: "link", onclick: () => run(said.point) }, "Run it") : null,
     );
+    scale.textContent =
+      space === "data"
+        ? "Errors are in the units of the result, which is data and no picture."
+        : meaning(by === "stated" ? inUse?.error : undefined);
+    if (by === "typical" && inUse)
+      scale.textContent += ` All settings state much the same largest error, ${short(inUse.stated)}; what they are compared by is the typical one (RMS).`;
     stroll(points, inUse, by, order, run);
   }
 
@@ -172,7 +182,7 @@ export function price({ choose, measure, opacity }) {
     },
     // Another operation: nothing is known yet.
     clear() {
-      for (const each of [plotted, words, walk, corpus]) fill(each);
+      for (const each of [plotted, words, scale, walk, corpus]) fill(each);
       element.classList.remove("untraded");
     },
     reset(on) {

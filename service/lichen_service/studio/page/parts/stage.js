@@ -4,6 +4,7 @@
 import { fill, h, icon } from "../lib/dom.js";
 import { sample } from "../lib/numbers.js";
 import { segments } from "./controls.js";
+import { pages } from "./pages.js";
 
 const DEEPEST = 64; // screen pixels for each pixel of the picture
 const GRID = 12; // from here on pixels are outlined
@@ -32,6 +33,7 @@ export function stage({ probed, over = null }) {
     zoom: 0,
     x: 0.5,
     y: 0.5,
+    page: 0,
     probe: null,
     floats: null,
     inputFloats: null,
@@ -62,7 +64,12 @@ export function stage({ probed, over = null }) {
       button("fit", "fit the picture", () => fit()),
     ),
   );
-  const element = h("div", { class: "stage" }, bar, box, readout);
+  const leaves = pages((page) => {
+    state.page = page;
+    tell();
+    draw();
+  });
+  const element = h("div", { class: "stage" }, bar, box, leaves.element, readout);
 
   const size = () => state.result ?? state.input ?? { width: 1, height: 1 };
   const panes = () => (state.mode === "both" && state.input ? 2 : 1);
@@ -131,7 +138,7 @@ export function stage({ probed, over = null }) {
     pen.imageSmoothingEnabled = k < 2;
     pen.imageSmoothingQuality = "high";
     pen.globalAlpha = missing ? 0.25 : 1;
-    pen.drawImage(which.bitmap, left + shift, top, width * k, height * k);
+    pen.drawImage(which.bitmaps[Math.min(state.page, which.bitmaps.length - 1)], left + shift, top, width * k, height * k);
     pen.globalAlpha = 1;
     if (overlaid && state.overlay) {
       pen.globalAlpha = state.opacity;
@@ -234,7 +241,8 @@ export function stage({ probed, over = null }) {
 
   function samples(name, floats, x, y) {
     if (!floats || x >= floats.width || y >= floats.height) return null;
-    const from = (y * floats.width + x) * floats.channels;
+    const page = Math.min(state.page, floats.pages - 1);
+    const from = ((page * floats.height + y) * floats.width + x) * floats.channels;
     const values = [...floats.data.subarray(from, from + Math.min(floats.channels, 4))];
     return h(
       "span",
@@ -336,12 +344,13 @@ export function stage({ probed, over = null }) {
   return {
     element,
     canvas,
-    // Pictures are { bitmap, width, height }; floats { data, width, height, channels }.
+    // Pictures are { bitmaps, width, height }; floats { data, width, height, channels, pages }.
     show(changes) {
       const before = size();
       Object.assign(state, changes);
       const now = size();
       if (before.width !== now.width || before.height !== now.height) fit();
+      if ("result" in changes || "input" in changes) leaves.show(now.bitmaps?.length ?? 1);
       modes.element.classList.toggle("lonely", !state.input);
       if (!state.input && state.mode !== "result") {
         state.mode = "result";
@@ -350,11 +359,12 @@ export function stage({ probed, over = null }) {
       if ("result" in changes && state.result)
         canvas.setAttribute(
           "aria-label",
-          `Result, ${now.width} by ${now.height} pixels. Arrow keys read pixels, plus and minus zoom.`,
+          `Result, ${now.width} by ${now.height} pixels${now.bitmaps.length > 1 ? `, ${now.bitmaps.length} pages` : ""}. Arrow keys read pixels, plus and minus zoom.`,
         );
       laid();
       tell();
     },
+    stop: leaves.stop,
     say(content) {
       fill(veil, content);
       veil.hidden = !content;

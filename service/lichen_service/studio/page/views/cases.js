@@ -72,6 +72,7 @@ function section({ name, cases }, watcher) {
 function card(operation, { name, why }, index, watcher) {
   const verdict = h("p", { class: "verdict", role: "status" }, "waiting to be run");
   const pictures = h("div", { class: "case-pictures" });
+  const does = h("p", { class: "why does" });
   const said = h(
     "details",
     { class: "case-more" },
@@ -82,7 +83,8 @@ function card(operation, { name, why }, index, watcher) {
     "article",
     { class: "case" },
     h("h3", name),
-    h("p", { class: "why" }, h("span", { class: "muted" }, "naive code: "), why),
+    h("p", { class: "why" }, h("b", "Naive code: "), why),
+    does,
     pictures,
     verdict,
     said,
@@ -129,13 +131,14 @@ function card(operation, { name, why }, index, watcher) {
           ),
       ),
     );
+    fill(does, found.does ? [h("b", `Lichen, by ${found.method}: `), found.does] : null);
     element.classList.toggle("failed", Boolean(found.wrong));
     fill(
       verdict,
       found.wrong ? icon("cross") : icon("check"),
       found.wrong
         ? `does not hold: ${found.wrong}`
-        : `holds: ${found.method} on ${found.device}${found.nonfinite ? `, ${found.nonfinite} ${found.nonfinite === 1 ? "sample" : "samples"} not finite` : ", all finite"}`,
+        : `what must be true holds: ${outcome(found)}`,
     );
     fill(
       said,
@@ -148,7 +151,15 @@ function card(operation, { name, why }, index, watcher) {
           1,
         ).slice(0, 1200),
       ),
-      h("p", h("code", found.test)),
+      h("p", "Held by ", h("code", found.test)),
     );
   }
+}
+
+// What came out, in words.
+function outcome({ result: { low, high }, nonfinite, device }) {
+  if (!Number.isFinite(low)) return `nothing finite, on ${device}`;
+  const values = low === high ? `${short(low)} everywhere` : `${short(low)} to ${short(high)}`;
+  const spoilt = nonfinite ? `${nonfinite} ${nonfinite === 1 ? "sample" : "samples"} not finite` : "all finite";
+  return `${values}, ${spoilt}, on ${device}`;
 }

@@ -4,7 +4,7 @@ import { events, json } from "../lib/api.js";
 import { fill, h, icon } from "../lib/dom.js";
 import { judged, settings } from "../lib/front.js";
 import { Order } from "../lib/order.js";
-import { say } from "../lib/router.js";
+import { link, say } from "../lib/router.js";
 import { asFloats, explain, run, settingOf } from "../lib/run.js";
 import { Runner } from "../lib/runner.js";
 import { sample, showcase } from "../lib/samples.js";
@@ -20,6 +20,12 @@ import { stage } from "../parts/stage.js";
 import { use } from "../parts/use.js";
 
 const FIRST = "gaussian"; // what is open when nothing was asked for
+// What a visitor who knows nothing of this can do at once.
+const STARTS = [
+  ["lic", "Draw a flow"],
+  ["perlin_noise", "Make clouds"],
+  ["curve", "Bend a tone curve"],
+];
 const SLOW = 8; // ms from which a cheap version while dragging is worth its loss
 const SEEN = 0.02; // an error up to which such a version still looks like the result,
 const MOVING = 4; // and how many times the error in use is not noticed while the picture moves
@@ -33,7 +39,6 @@ class Try {
   #order = null;
   #plan = null;
   #verify = false;
-  #floats = false; // whether this operation's results are none for a PNG
   #own = null; // the picture that the visitor brought
   #probing = null;
   #opened = 0;
@@ -50,11 +55,17 @@ class Try {
     });
     this.use = use({ formats: shown.formats, failed: (failure) => this.#fail(failure) });
     this.runner = new Runner({
-      send: (order, signal) => this.#send(order, signal),
+      send: ({ order, preview, verify }, signal) => run(order, { signal, preview, verify }),
       settled: (result, order) => this.#settle(result, order),
       failed: (failure) => this.#fail(failure),
       busy: (on) => this.stage.busy(on),
     });
+    this.starts = h(
+      "nav",
+      { class: "starts", "aria-label": "First steps", hidden: true },
+      h("span", { class: "muted" }, "New here? Drop a picture anywhere, or:"),
+      STARTS.map(([name, words]) => h("a", { class: "chip", href: link("try", name) }, words)),
+    );
     this.head = h("header", { class: "work-head" });
     this.inputs = h("div");
     this.account = h("div", { class: "account-slot" });
@@ -89,6 +100,7 @@ class Try {
       "section",
       { class: "work", "aria-label": "Result" },
       this.toggle,
+      this.starts,
       this.head,
       this.inputs,
       this.stage.element,
@@ -110,6 +122,7 @@ class Try {
 
   unmount() {
     this.runner.stop();
+    this.stage.stop();
     for (const [target, name, act] of this.listeners) target.removeEventListener(name, act);
   }
 
@@ -117,6 +130,7 @@ class Try {
     const wanted = name || this.#order?.name || FIRST;
     const opened = (this.#opened += 1);
     this.catalogue.mark(wanted);
+    this.starts.hidden = Boolean(this.#order || (name && name !== FIRST));
     try {
       const described = await json(`/v1/operations/${encodeURIComponent(wanted)}`, { quiet: true });
       const given = await this.#pictures(described);
@@ -155,7 +169,6 @@ class Try {
     Object.assign(this, { report: null, used: null });
     this.#plan = null;
     this.#verify = false;
-    this.#floats = false;
     this.price.reset(false);
     this.price.clear();
     fill(this.trouble);
@@ -218,7 +231,6 @@ class Try {
       described.inputs.filter((each) => all[each.name]).map((each) => [each.name, all[each.name]]),
     );
     this.#order = this.#order.copy({ inputs: ordered });
-    this.#floats = false;
     this.#inputs();
     this.#ask();
   }
@@ -284,17 +296,6 @@ class Try {
     return { method: fast.method, ...(knob && fast.knob !== null ? { [knob.name]: fast.knob } : {}) };
   }
 
-  async #send({ order, preview, verify }, signal) {
-    try {
-      return await run(order, { signal, preview, verify, floats: this.#floats });
-    } catch (failure) {
-      // Two channels, or more than four, have no PNG.
-      if (this.#floats || failure.status !== 406) throw failure;
-      this.#floats = true;
-      return run(order, { signal, preview, verify, floats: true });
-    }
-  }
-
   #settle(result, { order, preview }) {
     if (order.described !== this.#order.described) return;
     fill(this.trouble);
@@ -315,10 +316,10 @@ class Try {
 
   async #explain(order) {
     try {
-      const plan = await explain(order, { floats: this.#floats });
+      const plan = await explain(order);
       if (order !== this.#order) return;
       this.#plan = plan;
-      this.price.show(plan, order, this.used);
+      this.price.show(plan, order, this.used, this.result?.facts.space);
       this.price.about(this.report, this.used);
     } catch (failure) {
       if (order === this.#order) this.#fail(failure);

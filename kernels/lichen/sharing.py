@@ -1,0 +1,60 @@
+"""Steps that several runs have in common are done once, while they are at work at the same time.
+
+A step is known by all that decides its pixels: the operation, its parameters and method, and what it reads, down to the
+names that the caller gives to the contents of its pictures. Whoever needs a step that another is doing waits for it,
+and takes it over; what is done is held only as long as somebody works with it, so nothing is kept for its own sake.
+Whoever does a step waits for nobody meanwhile, so no two can wait for each other. Where a step fails, those who waited
+do it themselves.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from weakref import WeakValueDictionary
+
+from lichen.memory import Array
+
+
+class Sharing:
+    """What is being done and what is in use, in this process. Safe to use from any thread."""
+
+    def __init__(self) -> None:
+        self._in_use: WeakValueDictionary[str, Array] = WeakValueDictionary()
+        self._making: dict[str, threading.Event] = {}
+        self._lock = threading.Lock()
+
+    def of(self, step: str, compute: Callable[[], Array]) -> Array:
+        """The pixels of a step: those that are in use, or being made, or else what `compute` gives."""
+        waited = False
+        while True:
+            with self._lock:
+                found = self._in_use.get(step)
+                if found is not None:
+                    return found
+                making = self._making.get(step)
+                if making is None:
+                    mine = self._making[step] = threading.Event()
+                    break
+                if waited:  # somebody else was quicker to begin once more
+                    return compute()
+            making.wait()
+            waited = True
+        try:
+            made = compute()
+            with self._lock:
+                self._in_use[step] = made
+            return made
+        finally:
+            with self._lock:
+                del self._making[step]
+            mine.set()
+
+
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """Where runs meet, and what identifies the contents of this one's sources, by their names in its graph."""
+
+    sharing: Sharing
+    origins: Mapping[str, str]
