@@ -30,7 +30,7 @@ import numpy as np
 from lichen.memory import Array
 from lichen.operations.fog.parameters import Kind as FogKind
 from lichen.operations.fog.parameters import Parameters as Fog
-from lichen.operations.lighting.lamps import Kind, Lamp, unit_vector
+from lichen.operations.lighting.lamps import TURNED, WIDE, Kind, Lamp, unit_vector
 
 REASONS = (
     "it is computed",
@@ -111,7 +111,7 @@ class Lamps:
             np.array([lamp.kind for lamp in lamps]),
             np.array([lamp.position for lamp in lamps]),
             direction / np.sqrt(np.sum(direction * direction, axis=1, keepdims=True)),
-            np.array([math.hypot(*lamp.size) / 2 if lamp.kind is Kind.AREA else 0.0 for lamp in lamps]),
+            np.array([math.hypot(*lamp.size) / 2 if lamp.kind in WIDE else 0.0 for lamp in lamps]),
             np.array([lamp.outer for lamp in lamps]),
             np.array([max(lamp.colour) * lamp.intensity for lamp in lamps]),
             np.array([lamp.reach**2 for lamp in lamps]),
@@ -140,7 +140,7 @@ def reached(boxes: Boxes, lamps: Lamps, fog: Fog | None, reflected: float | None
         return made
     some = boxes.some(seen)
     why = np.zeros((len(seen), count), np.int64)
-    for kinds, beside in (((Kind.SPOT,), _outside_cones), ((Kind.AREA, Kind.PROJECTOR), _behind)):
+    for kinds, beside in (((Kind.SPOT,), _outside_cones), (TURNED, _behind)):
         which = np.flatnonzero(np.isin(lamps.kind, kinds))
         if which.size:
             why[:, which] = np.where(beside(lamps.some(which), some), BESIDE, why[:, which])
