@@ -99,6 +99,8 @@ class Shadow(OperationParameters):
     """texels of the side that is averaged"""
     source: float = Field(0.0, ge=0, le=1e6)
     """of pcss: the light's width; without perspective the tangent of the angle that it fills"""
+    points: int = Field(1, ge=1, le=16)
+    """of an area or a slab: points of it, at least, each of which casts a shadow of its own; their mean is soft"""
     map: str | None = None
     """the name of a picture sent along: planar depths that the light sees; made from the objects if left out"""
     target: tuple[float, float, float] | None = None
@@ -218,6 +220,8 @@ def _flaws(scene: Scene) -> list[Flaw]:
         where = f"/lights/{number}/shadow"
         if given and shadow.map is None:
             flaws.append(Flaw(f"{where}/map", "is required where buffers are given: nothing else says what hides what"))
+        if shadow.map is not None and shadow.points > 1:
+            flaws.append(Flaw(f"{where}/points", "must be 1 of a map sent along, which one point sees"))
         if shadow.map is not None and shadow.target is None:
             flaws.append(Flaw(f"{where}/target", "is required of a map sent along"))
         if shadow.kind is not Filtering.PCF and shadow.filter < 1:

@@ -22,7 +22,7 @@ from lichen.planning.pipeline import INPUT, Exit, Pipeline
 from lichen.scene import predicates, tiling
 from lichen.scene.description import Buffers, Light, Output, Scene
 from lichen.scene.finishing import finished
-from lichen.scene.lights import Sight, filtering, given_map, sight
+from lichen.scene.lights import Sight, apart, filtering, given_map, sight
 from lichen.scene.nodes import Nodes
 
 JOINED = 4
@@ -169,8 +169,19 @@ class _Builder(Nodes):
         return True
 
     def _shadow(self, number: int, light: Light, effect: int) -> str:
-        """The share of a light that reaches each pixel."""
-        shadow, name, where = light.shadow, f"light_{number}", f"/lights/{number}/shadow"
+        """The share of a light that reaches each pixel: the mean of its points' shares."""
+        points = apart(light)
+        if len(points) == 1:
+            if light.shadow is not None and light.shadow.points > 1:
+                self.leave_out(f"light_{number}_points", "the light is one point", "simplified")
+            return self._hard(f"light_{number}", number, light, effect)
+        shares = [self._hard(f"light_{number}_{at}", number, each, effect) for at, each in enumerate(points)]
+        inputs = {f"image_{at + 1}": each for at, each in enumerate(shares)}
+        return self.add(f"light_{number}_shadow", "accumulate", {}, inputs, f"/lights/{number}/shadow")
+
+    def _hard(self, name: str, number: int, light: Light, effect: int) -> str:
+        """The share that reaches each pixel of a light that is one point."""
+        shadow, where = light.shadow, f"/lights/{number}/shadow"
         assert shadow is not None
         if shadow.map is not None:
             seen, depths = given_map(light), INPUT + shadow.map

@@ -149,6 +149,24 @@ def test_shadow_darkens_and_fog_brightens_where_they_should() -> None:
     assert np.abs(foggy[~sky] - clear[~sky]).max() > 0.02
 
 
+def test_points_of_a_light_each_cast_a_shadow() -> None:
+    """With and without shadows, in parts of what four points give: all of them are there, and none between."""
+    lamp = {"kind": "area", "position": [1, 3, 1], "direction": [-1, -3, -1], "size": [0.8, 0.8], "samples": 1}
+    balls = [{"shape": "plane"}, {"shape": "sphere", "centre": [0, 0.7, 0], "radius": 0.4}]
+    scene: dict[str, Any] = {
+        "camera": {"eye": [0, 2.5, 3], "target": [0, 0, 0], "width": 64, "height": 48}, "objects": balls,
+    }  # fmt: skip
+    shadow = {"filter": 0, "points": 4, "size": 256}
+    lit, whole = (
+        lichen.render({**scene, "lights": [light]}).image.pixels[..., 0] for light in ({**lamp, "shadow": shadow}, lamp)
+    )
+    shares = np.divide(lit, whole, where=whole > 1e-4, out=np.ones_like(lit))
+    assert np.allclose(shares * 4, np.rint(shares * 4), atol=1e-4)
+    assert set(np.unique(np.rint(shares * 4))) == {0, 1, 2, 3, 4}
+    single = lichen.explain_scene({**scene, "lights": [{**lamp, "kind": "point", "shadow": shadow}]})
+    assert any(each.reason == "the light is one point" for each in single.decisions)
+
+
 def test_surroundings_lens_and_shutter_do_what_their_operations_do() -> None:
     sky = lichen.Image(np.random.default_rng(2).random((16, 32, 3), np.float32), lichen.Space.LINEAR)
     moving = [STILL["objects"][0], {**STILL["objects"][1], "velocity": [0.2, 0, 0]}]
