@@ -81,7 +81,6 @@ class _Builder(Nodes):
         self.faint, self.images = faint, images
         self.lamps: list[tuple[int, Light]] = []
         """those that are seen, those without shadows first"""
-        self.tiled: str | None = None
 
     def lowered(self) -> Lowered:
         scene = self.scene
@@ -145,7 +144,7 @@ class _Builder(Nodes):
         inputs = {name: self.buffer(name) for name in ("position", "normal")}
         lamps = [light for _, light in self.lamps]
         said = tiling.parameters(self.scene, lamps, self.faint if self.prune else 0.0, self.images)
-        self.tiled = self.add("tiles", "tiles", said, inputs, "/lights")
+        self.tiled, self.lit = self.add("tiles", "tiles", said, inputs, "/lights"), len(lamps)
 
     def _joined(self, name: str, names: list[str]) -> str:
         """The shadows of some lights as the channels of one picture."""

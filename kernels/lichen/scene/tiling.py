@@ -29,6 +29,8 @@ PART = 1 / 32
 """Of the error that is asked for."""
 WORTH = 24.0
 """Lists are made where lamps take so many times as long as a plain one, which making them takes four times."""
+MIRROR = 20.0
+"""What an environment takes, in plain lamps."""
 SAVED = 0.1
 """Of the pairs of a lamp and a tile, in some tiles that are looked at first; what is less does not pay."""
 THICK = 0.01
@@ -51,7 +53,8 @@ def worthwhile(scene: Scene, lamps: Sequence[Light], images: Mapping[str, Image]
     if not aimed and not _thick(scene, images):
         return False
     each = 1.0 if scene.surface.get("model", "lambert") == "lambert" else 3.0
-    return sum(each * math.prod(lamp.grid) + _shadowing(lamp) for lamp in lamps) >= WORTH
+    surroundings = 0.0 if scene.environment is None else MIRROR
+    return surroundings + sum(each * math.prod(lamp.grid) + _shadowing(lamp) for lamp in lamps) >= WORTH
 
 
 def _thick(scene: Scene, images: Mapping[str, Image]) -> bool:
@@ -93,7 +96,21 @@ def parameters(scene: Scene, lamps: Sequence[Light], faint: float, images: Mappi
     fog = _hiding(scene)
     if fog is not None:
         made["fog"] = fog
-    return made
+    return made | _surroundings(scene, images)
+
+
+def _surroundings(scene: Scene, images: Mapping[str, Image]) -> dict[str, Any]:
+    """What tiles are told of the environment."""
+    if scene.environment is None:
+        return {}
+    said = {name: value for name, value in scene.environment.items() if name != "image"}
+    p = understood("reflection", said, "/environment")
+    image = images.get(str(scene.environment["image"]))
+    known = image is not None and not image.extent.nonfinite and not p.coated
+    return {
+        "surroundings": "everywhere" if p.background == "environment" else "surfaces",
+        "brightest": image.extent.magnitude if image is not None and known else None,
+    }
 
 
 def _hiding(scene: Scene) -> dict[str, Any] | None:

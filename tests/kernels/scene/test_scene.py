@@ -247,6 +247,22 @@ def test_lamps_are_left_out_of_tiles_and_nothing_changes() -> None:
     assert not [each for each in whole.decisions if each.pass_ == "tiles"]
 
 
+@pytest.mark.parametrize("background", ["none", "environment"])
+def test_what_fog_hides_mirrors_nothing(background: str) -> None:
+    """Nor does what is not there, unless the environment is to be seen behind it."""
+    sky = np.random.default_rng(2).random((16, 32, 3), np.float32)
+    camera = {**STILL["camera"], "width": 150, "height": 140, "target": [0, 1.8, 0]}
+    lamps = [{"kind": "point", "position": [x, 3, 2], "intensity": 3} for x in np.linspace(-2, 2, 8)]
+    fog = {"kind": "linear", "start": 1, "end": 4.5, "colour": [0.6, 0.68, 0.8]}
+    mirror = {"image": "sky", "fresnel": "dielectric", "background": background}
+    scene = {**STILL, "camera": camera, "fog": fog, "lights": lamps, "environment": mirror}
+    pruned, whole = (lichen.render(scene, images={"sky": sky}, prune=prune) for prune in (True, False))
+    assert np.abs(pruned.image.pixels - whole.image.pixels).max() <= 1e-6
+    found = lichen.map_scene(scene, images={"sky": sky})
+    assert found.effects[-1] == "environment"
+    assert {1, 4} & set(found.why[..., -1].ravel()) == ({4} if background == "environment" else {1, 4})
+
+
 @pytest.mark.parametrize("kind", ["exponential", "height"])
 def test_what_fog_hides_is_not_lit(kind: str) -> None:
     """By as much as no stored code shows, and only where such codes are asked for."""

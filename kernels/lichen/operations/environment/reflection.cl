@@ -19,6 +19,7 @@
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 #define SEGMENT 64
+#define TILE 32
 #define EACH for (int i = 0; i < SEGMENT; ++i)
 
 // Where directions lie between the texels of a framed environment.
@@ -174,12 +175,23 @@ kernel void reflection(global const float *restrict normals, global const float 
                        global const float *restrict irradiance, global float *restrict out,
                        global const double *restrict n, global const int *restrict cells, int width, int height,
                        int tall, int wide, int irradiance_tall, int irradiance_wide, int nearest,
-                       ulong pixels)
+                       global const uchar *restrict skipped, ulong pixels)
 {
     ulong first = get_global_id(0) * (ulong)SEGMENT;
     if (first >= pixels)
         return;
     int last = (int)min((ulong)SEGMENT, pixels - first) - 1;
+    int skip[SEGMENT], all_skipped = skipped != 0;
+    EACH {
+        uint at = (uint)first + min(i, last), row = at / (uint)width, column = at - row * (uint)width;
+        skip[i] = skipped ? skipped[row / TILE * ((width + TILE - 1) / TILE) + column / TILE] : 0;
+        all_skipped &= skip[i];
+    }
+    if (all_skipped) {
+        for (int k = 0; k < COLOURS * (last + 1); ++k)
+            out[COLOURS * first + k] = BASE ? base[COLOURS * first + k] : 0.0f;
+        return;
+    }
     double m[9], eye_x = n[9], eye_y = n[10], eye_z = n[11], scale = n[12], index = n[13], inverse_index = n[14];
     for (int k = 0; k < 9; ++k)
         m[k] = n[k];
@@ -300,6 +312,11 @@ kernel void reflection(global const float *restrict normals, global const float 
 #endif
         made[i] = empty[i] ? kept : made[i] + passes * seen;
     }
+#endif
+#if BASE
+    EACH made[i] = skip[i] ? coloured(own, i) : made[i];
+#else
+    EACH made[i] = skip[i] ? (float4)(0.0f) : made[i];
 #endif
     for (int i = 0; i <= last; ++i) {
         global float *p = out + (first + i) * COLOURS;
