@@ -306,9 +306,8 @@ def _launched(
 ) -> Array:
     normal = inputs["normal"]
     channels = inputs["environment"].channels
-    maps = {
-        name: framed.in_memory(inputs[name].pixels, p.chart) for name in ("environment", "irradiance") if name in inputs
-    }
+    maps = {name: framed.kept(inputs[name], p.chart) for name in ("environment", "irradiance") if name in inputs}
+    short = nearest and p.fresnel is Fresnel.NONE
     charts = {Chart.LATLONG: 0, Chart.PARABOLOID: 2, Chart.MIRROR_BALL: 3}
     scale = math.tan(math.radians(p.fov or 0.0) / 2) / (0.5 * normal.height)
     numbers = np.array([*p.turn.reshape(-1), *p.eye, scale, p.index, 1 / p.index, p.reflectance])
@@ -319,7 +318,8 @@ def _launched(
         "VIEW": 2 if "position" in inputs else int(p.fov is not None), "MODE": list(Mode).index(p.mode),
         "FRESNEL": fresnel, "COLOURS": channels, "BASE": int("base" in inputs),
         "WEIGHT": "float" if 0.5 <= p.index <= 2 else "double", "IRRADIANCE": int("irradiance" in inputs),
-        "COATED": int(p.coated), "BEHIND": int(p.background is Background.ENVIRONMENT),
+        "COATED": int(p.coated), "REAL": "float" if short else "double", "SHORT": int(short),
+        "BEHIND": int(p.background is Background.ENVIRONMENT),
     }  # fmt: skip
     out = aligned_empty((normal.height, normal.width, channels))
     memories = (maps[name][1] if name in maps else None for name in ("environment", "irradiance"))
@@ -387,7 +387,7 @@ class Schlick:
     "nearest", error=_nearest_error, work=_work, rates={"opencl": Rate(8e-4, 7e-9), "numpy": Rate(2e-3, 6e-7)}
 )
 class Nearest:
-    """The texel that a direction falls in."""
+    """The texel that a direction falls in, found in float32 where no reflectance depends on it."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
