@@ -24,7 +24,7 @@ from pydantic import Field, ValidationError
 
 from lichen.errors import Flaw, InvalidRequest, parameter_flaws
 from lichen.operation import OperationParameters
-from lichen.operations.lighting.lamps import Lamp
+from lichen.operations.lighting.lamps import Kind, Lamp
 from lichen.operations.scene.camera import Camera
 from lichen.operations.scene.objects import Colour, Object
 from lichen.operations.scene.view import DepthKind
@@ -118,6 +118,8 @@ class Light(Lamp):
 
     shadow: Shadow | None = None
     """none: what it lights hides nothing"""
+    slide: str | None = None
+    """of a projector what it shows, of a slab its sheet: the name of a picture sent along"""
 
 
 class Scene(OperationParameters):
@@ -155,7 +157,8 @@ class Scene(OperationParameters):
         layers = [self.buffers.layers] if self.buffers.layers is not None else []
         if self.environment is not None:
             layers.append(str(self.environment.get("image")))
-        return tuple(dict.fromkeys([*layers, *self.buffers.given.values(), *maps]))
+        slides = [each.slide for each in self.lights if each.slide is not None]
+        return tuple(dict.fromkeys([*layers, *self.buffers.given.values(), *maps, *slides]))
 
     @property
     def everything_given(self) -> bool:
@@ -214,6 +217,8 @@ def _flaws(scene: Scene) -> list[Flaw]:
     if given and "albedo" not in given and scene.output in (Output.ALBEDO,):
         flaws.append(Flaw("/buffers/albedo", "is what was asked for"))
     for number, light in enumerate(scene.lights):
+        if light.slide is not None and light.kind not in (Kind.PROJECTOR, Kind.SLAB):
+            flaws.append(Flaw(f"/lights/{number}/slide", f"is for projectors and slabs; this is a {light.kind} light"))
         shadow = light.shadow
         if shadow is None:
             continue

@@ -73,6 +73,17 @@ def lower(
     return _Builder(scene, prune, faint, images or {}).lowered()
 
 
+Numbered = list[tuple[int, Light]]
+"""Lights with their places in the scene."""
+
+
+def _grouped(lamps: Numbered, most: int) -> list[Numbered]:
+    """So many at a time, then those that show pictures one by one."""
+    bare = [each for each in lamps if each[1].slide is None]
+    groups = [bare[first : first + most] for first in range(0, len(bare), max(most, 1))]
+    return groups + [[each] for each in lamps if each[1].slide is not None]
+
+
 class _Builder(Nodes):
     """Adds what lights the surfaces."""
 
@@ -97,10 +108,11 @@ class _Builder(Nodes):
 
     # -------------------------------------------------------------------------------------------------------- light
 
-    def _seen(self) -> tuple[list[tuple[int, Light]], list[tuple[int, Light]]]:
-        """The lamps that light something: those without shadows, and those with."""
-        plain: list[tuple[int, Light]] = []
-        hidden: list[tuple[int, Light]] = []
+    def _seen(self) -> tuple[list[Numbered], list[Numbered]]:
+        """The lamps that light something in groups that light together: those without shadows, and those with. A lamp
+        that shows a picture is a group of its own."""
+        plain: Numbered = []
+        hidden: Numbered = []
         for number, light in enumerate(self.scene.lights):
             reason = predicates.dark(light)
             if reason is None and not self.scene.everything_given:
@@ -109,8 +121,9 @@ class _Builder(Nodes):
                 self.leave_out(f"light_{number}", reason)
             else:
                 (hidden if self._hides(number, light) else plain).append((number, light))
-        self.lamps = [*plain, *hidden]
-        return plain, hidden
+        groups = _grouped(plain, len(plain)), _grouped(hidden, JOINED)
+        self.lamps = [each for some in groups for group in some for each in group]
+        return groups
 
     def _lit(self) -> str:
         """The light that surfaces send to the camera."""
@@ -120,13 +133,16 @@ class _Builder(Nodes):
         lamps = [light for _, light in self.lamps]
         if self.prune and lamps and tiling.worthwhile(scene, lamps, self.images):
             self._tiles()
-        if plain:
-            parts.append(self._lighting("lighting", [light for _, light in plain], None, 0))
-        for first in range(0, len(hidden), JOINED):
-            some = hidden[first : first + JOINED]
-            name, effect = f"shadowed_{first // JOINED}", len(plain) + first
+        effect = 0
+        for at, some in enumerate(plain):
+            name = "lighting" if at == 0 else f"lighting_{at}"
+            parts.append(self._lighting(name, [light for _, light in some], None, effect))
+            effect += len(some)
+        for number_of, some in enumerate(hidden):
+            name = f"shadowed_{number_of}"
             shadows = [self._shadow(number, light, effect + at) for at, (number, light) in enumerate(some)]
             parts.append(self._lighting(name, [light for _, light in some], self._joined(name, shadows), effect))
+            effect += len(some)
         if any(scene.ambient):
             parts.append(self._ambient())
         return self._summed(parts)
@@ -235,6 +251,8 @@ class _Builder(Nodes):
             self._roughness(name, surface, inputs)
         if seen is not None:
             inputs["visibility"] = seen
+        if lamps[0].slide is not None:
+            inputs["slab" if lamps[0].kind is Kind.SLAB else "slide"] = INPUT + lamps[0].slide
         surface |= self._skipping(inputs, effect)
         if self.tiled is not None:
             surface["faint"] = self.faint
@@ -243,7 +261,7 @@ class _Builder(Nodes):
 
     def _lamp(self, light: Light) -> dict[str, Any]:
         """As `lighting` has it, with how near it comes to what stands in the scene."""
-        said = light.model_dump(mode="json", exclude={"shadow"})
+        said = light.model_dump(mode="json", exclude={"shadow", "slide"})
         if light.nearest == 0 and not self.scene.everything_given:
             said["nearest"] = predicates.clearance(light, self.scene.objects)
         return said

@@ -90,7 +90,7 @@ def _shadowing(lamp: Light) -> float:
 
 def parameters(scene: Scene, lamps: Sequence[Light], faint: float, images: Mapping[str, Image]) -> dict[str, Any]:
     """Of the operation `tiles`."""
-    lights = [each.model_dump(mode="json", exclude={"shadow"}) for each in lamps]
+    lights = [each.model_dump(mode="json", exclude={"shadow", "slide"}) for each in lamps]
     made: dict[str, Any] = {"lights": lights, "faint": faint, "reflected": _reflected(scene, images)}
     made["worth"] = 0.0 if scene.output is Output.TILES else SAVED
     fog = _hiding(scene)
@@ -141,7 +141,11 @@ def _reflected(scene: Scene, images: Mapping[str, Image]) -> float | None:
         least = surface.facet_roughness if "facet_roughness" in scene.surface else roughest
         slope = min(max(least, SMOOTHEST), 1.0) ** 2
         shiny = max(surface.highlight) * specular * errors.peak(material, slope)
-    return 1.001 * (diffuse * albedo + shiny)
+    shown = [images.get(each.slide) for each in scene.lights if each.slide is not None]
+    if any(each is None or each.extent.nonfinite for each in shown):
+        return None
+    brightest = max([1.0, *(each.extent.magnitude for each in shown if each is not None)])
+    return 1.001 * brightest * (diffuse * albedo + shiny)
 
 
 def _coloured(scene: Scene) -> bool:

@@ -149,6 +149,37 @@ def test_shadow_darkens_and_fog_brightens_where_they_should() -> None:
     assert np.abs(foggy[~sky] - clear[~sky]).max() > 0.02
 
 
+def test_projectors_and_slabs_show_pictures_sent_along() -> None:
+    """As the operation does by itself, each its own, with shadows and without."""
+    rng = np.random.default_rng(3)
+    images = {"film": rng.random((6, 8, 3), np.float32), "sheet": 2 * rng.random((8, 12, 1), np.float32)}
+    placed = {"position": [0.5, 3, 2], "direction": [-0.5, -3, -2], "intensity": 6}
+    lamps = [
+        {"kind": "projector", "slide": "film", **placed},
+        {"kind": "slab", "slide": "sheet", "cells": [3, 2], "size": [0.3, 0.2], "fov": 60, **placed},
+    ]
+    scene: dict[str, Any] = {
+        "camera": {**STILL["camera"], "width": 40, "height": 30}, "objects": [{"shape": "plane"}, STILL["objects"][1]],
+    }  # fmt: skip
+    for shadow in (None, {"size": 64}):
+        both = [{**lamp, "shadow": shadow} for lamp in lamps]
+        made = lichen.render({**scene, "lights": [*both, STILL["lights"][1]]}, images=images).image.pixels
+        alone = [
+            lichen.render(
+                {**scene, "lights": [each]}, images={k: v for k, v in images.items() if k == each.get("slide")}
+            )
+            for each in (*both, STILL["lights"][1])
+        ]
+        np.testing.assert_allclose(made, sum(each.image.pixels for each in alone), atol=2e-6)
+    seen = {name: lichen.render({**scene, "output": name}).image.pixels for name in ("position", "normal", "albedo")}
+    slab = {key: value for key, value in lamps[1].items() if key != "slide"}
+    wish: dict[str, Any] = {"lights": [slab], "model": "lambert", "diffuse": [1, 1, 1]}
+    by_hand = lichen.run("lighting", **seen, slab=images["sheet"], **wish).image.pixels
+    assert by_hand.max() > 0.1
+    rendered = lichen.render({**scene, "lights": lamps[1:]}, images={"sheet": images["sheet"]}).image.pixels
+    np.testing.assert_allclose(rendered, by_hand, atol=1e-5)
+
+
 def test_points_of_a_light_each_cast_a_shadow() -> None:
     """With and without shadows, in parts of what four points give: all of them are there, and none between."""
     lamp = {"kind": "area", "position": [1, 3, 1], "direction": [-1, -3, -1], "size": [0.8, 0.8], "samples": 1}
