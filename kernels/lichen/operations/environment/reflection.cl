@@ -77,7 +77,9 @@ inline void located(Places *restrict at, const Directions *restrict d, int tall,
 #if CHART == 0
     EACH {
         float x = (float)d->x[i], y = (float)d->y[i], z = (float)d->z[i];
-        s[i] = num_atan2(x, z) * R(0.31830988618379067);
+        // Near a pole all of a longitude may be in numbers that a float does not hold.
+        REAL far = fmax(fabs(d->x[i]), fabs(d->z[i])), whole = far > 0 ? far : R(1);
+        s[i] = num_atan2((float)(d->x[i] / whole), (float)(d->z[i] / whole)) * R(0.31830988618379067);
         t[i] = num_atan2(y, sqrt(x * x + z * z)) * R(0.63661977236758134);
         face[i] = 0;
     }
