@@ -81,7 +81,7 @@ def frames() -> dict[str, Callable[[], Any]]:
             "lighting", {"normal": seen["normal"], "position": seen["position"]}, lights=[lamp], eye=CAMERA["eye"]
         ),
         "mirror, Fresnel, diffuse, 1280x1024": frame(
-            "reflection", shown, chart="latlong", fresnel="dielectric", eye=CAMERA["eye"], coated=True
+            "reflection", shown, chart="paraboloid", fresnel="dielectric", eye=CAMERA["eye"], coated=True
         ),
         "normal-mapped environment": frame(
             "reflection", {"normal": Image(bent), "environment": sky}, "nearest", chart="latlong"

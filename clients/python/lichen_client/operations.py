@@ -66,11 +66,13 @@ FIRST_INPUTS: Mapping[str, str] = {
     "panorama": "image",
     "parallax": "image",
     "pixel_texture": "image",
+    "planar_shadow": "matte",
     "polar": "image",
     "prefilter": "image",
     "premultiply": "image",
     "pyramid": "image",
     "quantise": "image",
+    "reduced_lighting": "normal",
     "reflection": "normal",
     "remap": "image",
     "resize": "image",
@@ -878,6 +880,8 @@ class Operations(Generic[R]):
         blades: int | None = None,
         rotation: float | None = None,
         samples: float | None = None,
+        layers: float | None = None,
+        views: float | None = None,
         **options: Unpack[Options],
     ) -> R:
         """Blurs what lies off the plane in focus, as a lens with an aperture of a shape does.
@@ -890,7 +894,9 @@ class Operations(Generic[R]):
         blades: of the aperture: 3 or more, or 0 for a disc; at least 0, at most 16; default 0
         rotation: of the blades, to the left; at least -100000, at most 100000; deg; default 0.0
         samples: pixels taken around each; 4 to 1024; a knob
-        method: gather, sampled
+        layers: ranges of circles that are blurred alike; 1 to 64; a knob
+        views: points of the lens; 1 to 1024; a knob
+        method: gather, sampled, layered, light_field
         """
         return self.run(
             "depth_of_field",
@@ -902,6 +908,8 @@ class Operations(Generic[R]):
             blades=blades,
             rotation=rotation,
             samples=samples,
+            layers=layers,
+            views=views,
             **options,
         )
 
@@ -1929,6 +1937,7 @@ class Operations(Generic[R]):
         tangent: ImageLike = None,
         visibility: ImageLike = None,
         slide: ImageLike = None,
+        slab: ImageLike = None,
         tiles: ImageLike = None,
         lights: Numbers | None = None,
         model: Literal[
@@ -1952,9 +1961,10 @@ class Operations(Generic[R]):
         faint: float | None = None,
         size: float | None = None,
         share: float | None = None,
+        step: float | None = None,
         **options: Unpack[Options],
     ) -> R:
-        """Lights surfaces given by their normals: lamps of five kinds, eight models of reflection.
+        """Lights surfaces given by their normals: lamps of six kinds, eight models of reflection.
 
         normal: which way surfaces face: x, y, z of any length
         position: where surfaces are: x, y, z
@@ -1964,11 +1974,13 @@ class Operations(Generic[R]):
         tangent: which way the grain goes: x, y, z of any length
         visibility: share of each lamp that is seen, 1 where nothing is in the way
         slide: what projectors show; of any size
+        slab: what leaves slabs: a sheet of pictures, one for each of their cells
         tiles: what is left out in squares of 32 px: the lamp where the channel `effect` is more than 0; of any size
-        lights: the lamps, each by its kind (directional, point, spot, area, projector), colour, intensity and place;
-            default [{"kind": "directional", "position": [0.0, 0.0, 0.0], "direction": [-1.0, -1.0, -2.0], "up": [0.0,
-            1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05, "nearest": 0.0, "falloff": [0.0,
-            0.0, 1.0], "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples": 16, "fov": 45.0, "aspect": 1.0}]
+        lights: the lamps, each by its kind (directional, point, spot, area, projector, slab), colour, intensity and
+            place; default [{"kind": "directional", "position": [0.0, 0.0, 0.0], "direction": [-1.0, -1.0, -2.0],
+            "up": [0.0, 1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05, "nearest": 0.0,
+            "falloff": [0.0, 0.0, 1.0], "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples": 16, "fov": 45.0,
+            "aspect": 1.0, "cells": [8, 8], "lit": null, "distance": null}]
         model: how the surface reflects besides diffusely; default "torrance_sparrow"
         diffuse: share of light that is reflected diffusely, linear; times the input albedo; default [0.8, 0.8, 0.8]
         highlight: factor on highlights, linear; times the input specular; 0 leaves them out; default [1.0, 1.0, 1.0]
@@ -1993,7 +2005,8 @@ class Operations(Generic[R]):
             1000000; default 0.0
         size: entries of each table; 4 to 4096; a knob
         share: of the discs that make up areas; 0.000976562 to 1; a knob
-        method: tables, schlick, sparse, exact
+        step: px between those that are lit: the nearest power of 2; 1 to 64; a knob
+        method: tables, schlick, sparse, coarse, exact
         """
         return self.run(
             "lighting",
@@ -2005,6 +2018,7 @@ class Operations(Generic[R]):
             tangent=tangent,
             visibility=visibility,
             slide=slide,
+            slab=slab,
             tiles=tiles,
             lights=lights,
             model=model,
@@ -2025,6 +2039,7 @@ class Operations(Generic[R]):
             faint=faint,
             size=size,
             share=share,
+            step=step,
             **options,
         )
 
@@ -2654,6 +2669,67 @@ class Operations(Generic[R]):
             **options,
         )
 
+    def planar_shadow(
+        self,
+        matte: ImageLike,
+        /,
+        *,
+        depth: ImageLike,
+        fov: float | None = None,
+        depth_kind: Literal["planar", "euclidean", "window", "reversed"] | None = None,
+        near: float | None = None,
+        far: float | None = None,
+        light: Numbers | None = None,
+        parallel: bool | None = None,
+        extent: Numbers | None = None,
+        samples: int | None = None,
+        centre: Numbers | None = None,
+        direction: Numbers | None = None,
+        up: Numbers | None = None,
+        size: Numbers | None = None,
+        share: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Throws the shadow of a flat thing, given by a picture of its outline, on what is behind it.
+
+        matte: how much of the light each point of the thing holds back, 0 to 1
+        depth: how far from the camera each pixel is, or, of three channels, where
+        fov: the camera's vertical angle of view; at least 0.01, at most 175; deg; default 50.0
+        depth_kind: planar: along the viewing direction; euclidean: from the eye; window: 0 at near, 1 at far;
+            reversed: 1 to 0; default "planar"
+        near: of a window's depth; above 0, at most 1000000000; default 0.1
+        far: of a window's depth; none: infinitely far; above 0, at most 1000000000000
+        light: where the light is, in the axes of the positions, or of the camera; default [3.0, 5.0, 0.0]
+        parallel: whether it shines from there, infinitely far away; default false
+        extent: the light's width and height; default [0.0, 0.0]
+        samples: points that stand for a light with extent, at least; at least 1, at most 1024; default 16
+        centre: the middle of the flat thing; default [0.0, 1.0, -5.0]
+        direction: across it; default [0.0, 0.0, 1.0]
+        up: what is upwards in its picture; default [0.0, 1.0, 0.0]
+        size: its width and height; default [1.0, 1.0]
+        share: of the points of a light with extent; 0.000976562 to 1; a knob
+        method: sparse, exact
+        """
+        return self.run(
+            "planar_shadow",
+            matte,
+            depth=depth,
+            fov=fov,
+            depth_kind=depth_kind,
+            near=near,
+            far=far,
+            light=light,
+            parallel=parallel,
+            extent=extent,
+            samples=samples,
+            centre=centre,
+            direction=direction,
+            up=up,
+            size=size,
+            share=share,
+            **options,
+        )
+
     def polar(
         self,
         image: ImageLike,
@@ -2826,6 +2902,103 @@ class Operations(Generic[R]):
             **options,
         )
 
+    def reduced_lighting(
+        self,
+        normal: ImageLike,
+        /,
+        *,
+        position: ImageLike = None,
+        albedo: ImageLike = None,
+        specular: ImageLike = None,
+        roughness: ImageLike = None,
+        lights: Numbers | None = None,
+        model: Literal[
+            "lambert", "phong", "blinn_phong", "cosine_lobe", "lafortune", "torrance_sparrow", "ward", "banks"
+        ]
+        | None = None,
+        diffuse: Numbers | None = None,
+        highlight: Numbers | None = None,
+        facet_roughness: float | None = None,
+        exponent: float | None = None,
+        index: float | None = None,
+        distribution: Literal["gaussian", "beckmann", "ggx"] | None = None,
+        masking: Literal["v_groove", "smith"] | None = None,
+        grain: Numbers | None = None,
+        stretch: float | None = None,
+        lobe: Numbers | None = None,
+        eye: Numbers | None = None,
+        view: Numbers | None = None,
+        local_viewer: bool | None = None,
+        effect: int | None = None,
+        faint: float | None = None,
+        factor: int | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Lights surfaces and makes the picture smaller: first lit and then filtered, or the other way round.
+
+        normal: which way surfaces face: x, y, z of any length
+        position: where surfaces are: x, y, z
+        albedo: diffuse colour, or grey
+        specular: colour of highlights, or grey
+        roughness: of the facets, 0 to 1
+        lights: the lamps, each by its kind (directional, point, spot, area, projector, slab), colour, intensity and
+            place; default [{"kind": "directional", "position": [0.0, 0.0, 0.0], "direction": [-1.0, -1.0, -2.0],
+            "up": [0.0, 1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05, "nearest": 0.0,
+            "falloff": [0.0, 0.0, 1.0], "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples": 16, "fov": 45.0,
+            "aspect": 1.0, "cells": [8, 8], "lit": null, "distance": null}]
+        model: how the surface reflects besides diffusely; default "torrance_sparrow"
+        diffuse: share of light that is reflected diffusely, linear; times the input albedo; default [0.8, 0.8, 0.8]
+        highlight: factor on highlights, linear; times the input specular; 0 leaves them out; default [1.0, 1.0, 1.0]
+        facet_roughness: where there is no input roughness; its square is the slope of facets; less than 0.05 is taken
+            as that; at least 0, at most 1; default 0.4
+        exponent: of the models that are powers of a cosine, in place of the one from the roughness; at least 1, at
+            most 100000
+        index: of refraction, for torrance_sparrow; null: all is reflected; at least 1, at most 1000; default 1.5
+        distribution: of the facets of torrance_sparrow; default "ggx"
+        masking: how facets of torrance_sparrow hide one another; default "smith"
+        grain: its direction for ward, lafortune and banks, where there is no input tangent; default [1.0, 0.0, 0.0]
+        stretch: for ward: how much rougher the surface is along the grain than on the mean, and smoother across it;
+            at least 0.1, at most 10; default 1.0
+        lobe: for lafortune: factors along the grain, across it and along the normal; -1, -1, 1 mirrors; default
+            [-1.0, -1.0, 1.0]
+        eye: where the viewer is; default [0.0, 0.0, 0.0]
+        view: the direction towards a viewer at infinity; default [0.0, 0.0, 1.0]
+        local_viewer: whether the viewer is at `eye`, given positions, or at infinity; default true
+        effect: the channel of `tiles` that is about the first lamp; the others follow; at least 0, at most 4095;
+            default 0
+        faint: what `tiles` leave out of the light of a pixel at most: it counts as an error; at least 0, at most
+            1000000; default 0.0
+        factor: px; the side of the squares that become one pixel; at least 1, at most 256; default 4
+        method: filtered_first, widened, lit_first
+        """
+        return self.run(
+            "reduced_lighting",
+            normal,
+            position=position,
+            albedo=albedo,
+            specular=specular,
+            roughness=roughness,
+            lights=lights,
+            model=model,
+            diffuse=diffuse,
+            highlight=highlight,
+            facet_roughness=facet_roughness,
+            exponent=exponent,
+            index=index,
+            distribution=distribution,
+            masking=masking,
+            grain=grain,
+            stretch=stretch,
+            lobe=lobe,
+            eye=eye,
+            view=view,
+            local_viewer=local_viewer,
+            effect=effect,
+            faint=faint,
+            factor=factor,
+            **options,
+        )
+
     def reflection(
         self,
         normal: ImageLike,
@@ -2835,6 +3008,7 @@ class Operations(Generic[R]):
         position: ImageLike = None,
         base: ImageLike = None,
         irradiance: ImageLike = None,
+        tiles: ImageLike = None,
         encoding: Literal["signed", "unit"] | None = None,
         convention: Literal["opengl", "directx"] | None = None,
         fov: float | None = None,
@@ -2850,6 +3024,8 @@ class Operations(Generic[R]):
         yaw: float | None = None,
         pitch: float | None = None,
         roll: float | None = None,
+        effect: int | None = None,
+        faint: float | None = None,
         **options: Unpack[Options],
     ) -> R:
         """Shows an environment in a surface and through it: mirror, varnish, thin glass; from a picture of normals.
@@ -2859,6 +3035,8 @@ class Operations(Generic[R]):
         position: where the surface is, x, y and z
         base: what the surface shows by itself
         irradiance: an environment that is looked up by the normal
+        tiles: what is left out in squares of 32 px: the environment where the channel `effect` is more than 0; of any
+            size
         encoding: signed normals, or unit: (n + 1) / 2; default "signed"
         convention: y of normals runs up (opengl) or down (directx); default "opengl"
         fov: of the camera from top to bottom; orthographic if left out; at least 0.01, at most 179
@@ -2874,6 +3052,8 @@ class Operations(Generic[R]):
             0.0
         pitch: how far up; at least -100000, at most 100000; deg; default 0.0
         roll: how far it is tilted clockwise; at least -100000, at most 100000; deg; default 0.0
+        effect: the channel of `tiles` that is about the environment; at least 0, at most 4095; default 0
+        faint: what `tiles` leave out of a pixel's light at most; at least 0, at most 1000000; default 0.0
         method: exact, schlick, nearest
         """
         return self.run(
@@ -2883,6 +3063,7 @@ class Operations(Generic[R]):
             position=position,
             base=base,
             irradiance=irradiance,
+            tiles=tiles,
             encoding=encoding,
             convention=convention,
             fov=fov,
@@ -2897,6 +3078,8 @@ class Operations(Generic[R]):
             yaw=yaw,
             pitch=pitch,
             roll=roll,
+            effect=effect,
+            faint=faint,
             **options,
         )
 
@@ -3046,6 +3229,7 @@ class Operations(Generic[R]):
         effect: int | None = None,
         taps: float | None = None,
         bits: float | None = None,
+        digits: float | None = None,
         **options: Unpack[Options],
     ) -> R:
         """Tells which share of a light reaches every point, by the depths that the light sees.
@@ -3081,7 +3265,8 @@ class Operations(Generic[R]):
         effect: the channel of `tiles` that is about this light; at least 0, at most 4095; default 0
         taps: texels that are compared; 1 to 1024; a knob
         bits: of a stored depth; 4 to 32; a knob
-        method: exact, sampled, linear, window
+        digits: significant bits of a stored depth: 11 as float16 has, 24 as float32; 4 to 40; a knob
+        method: exact, sampled, linear, window, float, reversed
         """
         return self.run(
             "shadow",
@@ -3109,6 +3294,7 @@ class Operations(Generic[R]):
             effect=effect,
             taps=taps,
             bits=bits,
+            digits=digits,
             **options,
         )
 
@@ -3599,20 +3785,26 @@ class Operations(Generic[R]):
         lights: Numbers | None = None,
         fog: Mapping[str, Any] | None = None,
         reflected: float | None = None,
+        surroundings: Literal["none", "surfaces", "everywhere"] | None = None,
+        brightest: float | None = None,
         faint: float | None = None,
         worth: float | None = None,
         **options: Unpack[Options],
     ) -> R:
-        """Tells for every tile of a picture which lamps give nothing there, and why.
+        """Tells for every tile of a picture which lamps, and whether an environment, give nothing there, and why.
 
         position: where surfaces are: x, y, z; infinite where there is nothing
         normal: which way they face, of any length
         lights: the lamps, as of lighting; default [{"kind": "directional", "position": [0.0, 0.0, 0.0], "direction":
             [0.0, 0.0, -1.0], "up": [0.0, 1.0, 0.0], "colour": [1.0, 1.0, 1.0], "intensity": 1.0, "radius": 0.05,
             "nearest": 0.0, "falloff": [0.0, 0.0, 1.0], "inner": 30.0, "outer": 45.0, "size": [1.0, 1.0], "samples":
-            16, "fov": 45.0, "aspect": 1.0}]
+            16, "fov": 45.0, "aspect": 1.0, "cells": [8, 8], "lit": null, "distance": null}]
         fog: parameters of the operation fog; what it hides needs no light
         reflected: the largest radiance that a surface sends of a lamp's 1; none: it has no bound; at least 0, at most
+            1e+30
+        surroundings: none, or where surfaces, or all pixels, show an environment: one more effect, after the lamps;
+            default "none"
+        brightest: the largest light that an environment adds to a pixel; none: it has no bound; at least 0, at most
             1e+30
         faint: the largest light of a pixel that may be left out; at least 0, at most 1000000; default 0.0
         worth: the share of pairs of a lamp and a tile that must be left out in every fourth tile of every fourth row
@@ -3627,6 +3819,8 @@ class Operations(Generic[R]):
             lights=lights,
             fog=fog,
             reflected=reflected,
+            surroundings=surroundings,
+            brightest=brightest,
             faint=faint,
             worth=worth,
             **options,

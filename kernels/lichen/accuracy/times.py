@@ -87,7 +87,13 @@ def write(path: Path, text: str) -> bool:
 
 def folder() -> Path:
     named = os.environ.get("LICHEN_TIMES")
-    return Path(named) if named else platformdirs.user_cache_path("lichen") / "times"
+    return Path(named) if named else _usual(os.environ.get("XDG_CACHE_HOME"), os.environ.get("HOME"))
+
+
+@cache
+def _usual(*surroundings: str | None) -> Path:
+    """Found once for each of the surroundings that it depends on: every plan asks for it."""
+    return platformdirs.user_cache_path("lichen") / "times"
 
 
 def path_of(backend: str) -> Path:

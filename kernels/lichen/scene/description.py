@@ -24,7 +24,7 @@ from pydantic import Field, ValidationError
 
 from lichen.errors import Flaw, InvalidRequest, parameter_flaws
 from lichen.operation import OperationParameters
-from lichen.operations.lighting.lamps import Lamp
+from lichen.operations.lighting.lamps import Kind, Lamp
 from lichen.operations.scene.camera import Camera
 from lichen.operations.scene.objects import Colour, Object
 from lichen.operations.scene.view import DepthKind
@@ -99,6 +99,8 @@ class Shadow(OperationParameters):
     """texels of the side that is averaged"""
     source: float = Field(0.0, ge=0, le=1e6)
     """of pcss: the light's width; without perspective the tangent of the angle that it fills"""
+    points: int = Field(1, ge=1, le=16)
+    """of an area or a slab: points of it, at least, each of which casts a shadow of its own; their mean is soft"""
     map: str | None = None
     """the name of a picture sent along: planar depths that the light sees; made from the objects if left out"""
     target: tuple[float, float, float] | None = None
@@ -116,6 +118,8 @@ class Light(Lamp):
 
     shadow: Shadow | None = None
     """none: what it lights hides nothing"""
+    slide: str | None = None
+    """of a projector what it shows, of a slab its sheet: the name of a picture sent along"""
 
 
 class Scene(OperationParameters):
@@ -153,7 +157,8 @@ class Scene(OperationParameters):
         layers = [self.buffers.layers] if self.buffers.layers is not None else []
         if self.environment is not None:
             layers.append(str(self.environment.get("image")))
-        return tuple(dict.fromkeys([*layers, *self.buffers.given.values(), *maps]))
+        slides = [each.slide for each in self.lights if each.slide is not None]
+        return tuple(dict.fromkeys([*layers, *self.buffers.given.values(), *maps, *slides]))
 
     @property
     def everything_given(self) -> bool:
@@ -212,12 +217,16 @@ def _flaws(scene: Scene) -> list[Flaw]:
     if given and "albedo" not in given and scene.output in (Output.ALBEDO,):
         flaws.append(Flaw("/buffers/albedo", "is what was asked for"))
     for number, light in enumerate(scene.lights):
+        if light.slide is not None and light.kind not in (Kind.PROJECTOR, Kind.SLAB):
+            flaws.append(Flaw(f"/lights/{number}/slide", f"is for projectors and slabs; this is a {light.kind} light"))
         shadow = light.shadow
         if shadow is None:
             continue
         where = f"/lights/{number}/shadow"
         if given and shadow.map is None:
             flaws.append(Flaw(f"{where}/map", "is required where buffers are given: nothing else says what hides what"))
+        if shadow.map is not None and shadow.points > 1:
+            flaws.append(Flaw(f"{where}/points", "must be 1 of a map sent along, which one point sees"))
         if shadow.map is not None and shadow.target is None:
             flaws.append(Flaw(f"{where}/target", "is required of a map sent along"))
         if shadow.kind is not Filtering.PCF and shadow.filter < 1:

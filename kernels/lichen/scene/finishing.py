@@ -28,9 +28,11 @@ def mirrored(nodes: Nodes, lit: str) -> str:
         nodes.leave_out("environment", "surfaces reflect nothing of it")
         return lit
     inputs = {"normal": nodes.buffer("normal"), "environment": INPUT + image, "position": nodes.buffer("position")}
-    return nodes.add(
-        "environment", "reflection", {"eye": scene.camera.eye, **said}, {**inputs, "base": lit}, "/environment"
-    )
+    said = {"eye": scene.camera.eye, **said}
+    if nodes.tiled is not None:
+        inputs["tiles"] = nodes.tiled
+        said |= {"effect": nodes.lit, "faint": nodes.faint}
+    return nodes.add("environment", "reflection", said, {**inputs, "base": lit}, "/environment")
 
 
 def seen_through_lens(nodes: Nodes, picture: str) -> str:

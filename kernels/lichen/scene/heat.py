@@ -1,4 +1,5 @@
-"""Where the lamps of a scene are looked at: for every tile which, why not the others, and a picture of how many."""
+"""Where the lamps of a scene and its environment are looked at: which in every tile, why not the others, and a picture
+of how many."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ class TileMap:
     """What the operation `tiles` said of a scene."""
 
     effects: tuple[str, ...]
-    """names of the lights, in the order of the lists"""
+    """names of the lights, and environment, in the order of the lists"""
     lists: Array
     """reasons and bounds, (rows, columns, 2 effects)"""
     width: int
@@ -79,5 +80,7 @@ def mapped(scene: Scene) -> Scene:
 def told(scene: Scene, graph: Graph, lists: Array, decisions: Iterable[Decision]) -> TileMap:
     """The map, from what was planned and rendered."""
     position = graph.facts()[graph.named("tiles").inputs["position"]]
-    lights = tuple(f"light_{number}" for number in lower(scene).lamps)
-    return TileMap(lights, lists, position.width, position.height, tuple(decisions))
+    effects = [f"light_{number}" for number in lower(scene).lamps]
+    if lists.shape[-1] > 2 * len(effects):
+        effects.append("environment")
+    return TileMap(tuple(effects), lists, position.width, position.height, tuple(decisions))

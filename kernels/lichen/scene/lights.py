@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from lichen.memory import Array
-from lichen.operations.lighting.lamps import Kind
+from lichen.operations.lighting.lamps import WIDE, Kind, Row
 from lichen.scene.description import Light
 from lichen.scene.predicates import Ball
 
 WIDEST = 150.0
 """Degrees."""
+MOST_POINTS = 16
 MARGIN = 1.05
 """Of the ball's size, so that filters end inside the map."""
 
@@ -69,6 +70,18 @@ def sight(light: Light, ball: Ball) -> Sight:
             to = np.array([0.0, -1.0, 0.0])
     along = _unit(to)
     return Sight(_told(eye), _told(eye + along), _upright(along), fov, whole=not inside)
+
+
+def apart(light: Light) -> list[Light]:
+    """The points of a light with extent that each cast a shadow; the light itself where it is one point."""
+    shadow = light.shadow
+    if shadow is None or shadow.points == 1 or light.kind not in WIDE:
+        return [light]
+    spread = light.model_copy(update={"kind": Kind.AREA, "samples": shadow.points})
+    if math.prod(spread.grid) > MOST_POINTS:
+        spread = spread.model_copy(update={"samples": MOST_POINTS // 2})
+    places = spread.rows(0)[:, Row.PLACE : Row.PLACE + 3] + spread.rows(0)[:, Row.REST : Row.REST + 3]
+    return [light.model_copy(update={"position": _told(place)}) for place in places]
 
 
 def given_map(light: Light) -> Sight:

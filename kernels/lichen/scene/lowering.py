@@ -22,7 +22,7 @@ from lichen.planning.pipeline import INPUT, Exit, Pipeline
 from lichen.scene import predicates, tiling
 from lichen.scene.description import Buffers, Light, Output, Scene
 from lichen.scene.finishing import finished
-from lichen.scene.lights import Sight, filtering, given_map, sight
+from lichen.scene.lights import Sight, apart, filtering, given_map, sight
 from lichen.scene.nodes import Nodes
 
 JOINED = 4
@@ -73,6 +73,17 @@ def lower(
     return _Builder(scene, prune, faint, images or {}).lowered()
 
 
+Numbered = list[tuple[int, Light]]
+"""Lights with their places in the scene."""
+
+
+def _grouped(lamps: Numbered, most: int) -> list[Numbered]:
+    """So many at a time, then those that show pictures one by one."""
+    bare = [each for each in lamps if each[1].slide is None]
+    groups = [bare[first : first + most] for first in range(0, len(bare), max(most, 1))]
+    return groups + [[each] for each in lamps if each[1].slide is not None]
+
+
 class _Builder(Nodes):
     """Adds what lights the surfaces."""
 
@@ -81,7 +92,6 @@ class _Builder(Nodes):
         self.faint, self.images = faint, images
         self.lamps: list[tuple[int, Light]] = []
         """those that are seen, those without shadows first"""
-        self.tiled: str | None = None
 
     def lowered(self) -> Lowered:
         scene = self.scene
@@ -98,10 +108,11 @@ class _Builder(Nodes):
 
     # -------------------------------------------------------------------------------------------------------- light
 
-    def _seen(self) -> tuple[list[tuple[int, Light]], list[tuple[int, Light]]]:
-        """The lamps that light something: those without shadows, and those with."""
-        plain: list[tuple[int, Light]] = []
-        hidden: list[tuple[int, Light]] = []
+    def _seen(self) -> tuple[list[Numbered], list[Numbered]]:
+        """The lamps that light something in groups that light together: those without shadows, and those with. A lamp
+        that shows a picture is a group of its own."""
+        plain: Numbered = []
+        hidden: Numbered = []
         for number, light in enumerate(self.scene.lights):
             reason = predicates.dark(light)
             if reason is None and not self.scene.everything_given:
@@ -110,8 +121,9 @@ class _Builder(Nodes):
                 self.leave_out(f"light_{number}", reason)
             else:
                 (hidden if self._hides(number, light) else plain).append((number, light))
-        self.lamps = [*plain, *hidden]
-        return plain, hidden
+        groups = _grouped(plain, len(plain)), _grouped(hidden, JOINED)
+        self.lamps = [each for some in groups for group in some for each in group]
+        return groups
 
     def _lit(self) -> str:
         """The light that surfaces send to the camera."""
@@ -121,13 +133,16 @@ class _Builder(Nodes):
         lamps = [light for _, light in self.lamps]
         if self.prune and lamps and tiling.worthwhile(scene, lamps, self.images):
             self._tiles()
-        if plain:
-            parts.append(self._lighting("lighting", [light for _, light in plain], None, 0))
-        for first in range(0, len(hidden), JOINED):
-            some = hidden[first : first + JOINED]
-            name, effect = f"shadowed_{first // JOINED}", len(plain) + first
+        effect = 0
+        for at, some in enumerate(plain):
+            name = "lighting" if at == 0 else f"lighting_{at}"
+            parts.append(self._lighting(name, [light for _, light in some], None, effect))
+            effect += len(some)
+        for number_of, some in enumerate(hidden):
+            name = f"shadowed_{number_of}"
             shadows = [self._shadow(number, light, effect + at) for at, (number, light) in enumerate(some)]
             parts.append(self._lighting(name, [light for _, light in some], self._joined(name, shadows), effect))
+            effect += len(some)
         if any(scene.ambient):
             parts.append(self._ambient())
         return self._summed(parts)
@@ -145,7 +160,7 @@ class _Builder(Nodes):
         inputs = {name: self.buffer(name) for name in ("position", "normal")}
         lamps = [light for _, light in self.lamps]
         said = tiling.parameters(self.scene, lamps, self.faint if self.prune else 0.0, self.images)
-        self.tiled = self.add("tiles", "tiles", said, inputs, "/lights")
+        self.tiled, self.lit = self.add("tiles", "tiles", said, inputs, "/lights"), len(lamps)
 
     def _joined(self, name: str, names: list[str]) -> str:
         """The shadows of some lights as the channels of one picture."""
@@ -169,8 +184,19 @@ class _Builder(Nodes):
         return True
 
     def _shadow(self, number: int, light: Light, effect: int) -> str:
-        """The share of a light that reaches each pixel."""
-        shadow, name, where = light.shadow, f"light_{number}", f"/lights/{number}/shadow"
+        """The share of a light that reaches each pixel: the mean of its points' shares."""
+        points = apart(light)
+        if len(points) == 1:
+            if light.shadow is not None and light.shadow.points > 1:
+                self.leave_out(f"light_{number}_points", "the light is one point", "simplified")
+            return self._hard(f"light_{number}", number, light, effect)
+        shares = [self._hard(f"light_{number}_{at}", number, each, effect) for at, each in enumerate(points)]
+        inputs = {f"image_{at + 1}": each for at, each in enumerate(shares)}
+        return self.add(f"light_{number}_shadow", "accumulate", {}, inputs, f"/lights/{number}/shadow")
+
+    def _hard(self, name: str, number: int, light: Light, effect: int) -> str:
+        """The share that reaches each pixel of a light that is one point."""
+        shadow, where = light.shadow, f"/lights/{number}/shadow"
         assert shadow is not None
         if shadow.map is not None:
             seen, depths = given_map(light), INPUT + shadow.map
@@ -225,6 +251,8 @@ class _Builder(Nodes):
             self._roughness(name, surface, inputs)
         if seen is not None:
             inputs["visibility"] = seen
+        if lamps[0].slide is not None:
+            inputs["slab" if lamps[0].kind is Kind.SLAB else "slide"] = INPUT + lamps[0].slide
         surface |= self._skipping(inputs, effect)
         if self.tiled is not None:
             surface["faint"] = self.faint
@@ -233,7 +261,7 @@ class _Builder(Nodes):
 
     def _lamp(self, light: Light) -> dict[str, Any]:
         """As `lighting` has it, with how near it comes to what stands in the scene."""
-        said = light.model_dump(mode="json", exclude={"shadow"})
+        said = light.model_dump(mode="json", exclude={"shadow", "slide"})
         if light.nearest == 0 and not self.scene.everything_given:
             said["nearest"] = predicates.clearance(light, self.scene.objects)
         return said

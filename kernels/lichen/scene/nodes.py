@@ -29,6 +29,12 @@ class Nodes:
         self.steps: dict[str, Step] = {}
         self.origins: dict[str, str] = {}
         self.decisions: list[Decision] = []
+        self.tiled: str | None = None
+        """the lists of what is left out where, once they are made"""
+        self.lit = 0
+        """lamps that they tell of; the environment comes after them"""
+        self.faint = 0.0
+        """the light that may be left out of a pixel"""
 
     def add(self, name: str, what: str, parameters: Mapping[str, Any], inputs: Mapping[str, str], origin: str) -> str:
         if name not in self.steps:

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lichen.memory import Array
-from lichen.operations.lighting.lamps import Kind
+from lichen.operations.lighting.lamps import WIDE, Kind
 from lichen.operations.scene.casting import ball_around
 from lichen.operations.scene.objects import Blob, Box, Object, Plane, Sphere, Terrain
 from lichen.scene.description import Light
@@ -107,7 +107,7 @@ def clearance(light: Light, objects: Sequence[Object]) -> float:
     if light.kind is Kind.DIRECTIONAL or not objects:
         return 0.0
     place = np.array(light.position)
-    size = math.hypot(*light.size) / 2 if light.kind is Kind.AREA else 0.0
+    size = math.hypot(*light.size) / 2 if light.kind in WIDE else 0.0
     near = min(_apart(place, each) for each in objects)
     return max(near * (1 - 1e-4) - size, 0.0)
 

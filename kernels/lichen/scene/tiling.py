@@ -29,6 +29,8 @@ PART = 1 / 32
 """Of the error that is asked for."""
 WORTH = 24.0
 """Lists are made where lamps take so many times as long as a plain one, which making them takes four times."""
+MIRROR = 20.0
+"""What an environment takes, in plain lamps."""
 SAVED = 0.1
 """Of the pairs of a lamp and a tile, in some tiles that are looked at first; what is less does not pay."""
 THICK = 0.01
@@ -51,7 +53,8 @@ def worthwhile(scene: Scene, lamps: Sequence[Light], images: Mapping[str, Image]
     if not aimed and not _thick(scene, images):
         return False
     each = 1.0 if scene.surface.get("model", "lambert") == "lambert" else 3.0
-    return sum(each * math.prod(lamp.grid) + _shadowing(lamp) for lamp in lamps) >= WORTH
+    surroundings = 0.0 if scene.environment is None else MIRROR
+    return surroundings + sum(each * math.prod(lamp.grid) + _shadowing(lamp) for lamp in lamps) >= WORTH
 
 
 def _thick(scene: Scene, images: Mapping[str, Image]) -> bool:
@@ -87,13 +90,27 @@ def _shadowing(lamp: Light) -> float:
 
 def parameters(scene: Scene, lamps: Sequence[Light], faint: float, images: Mapping[str, Image]) -> dict[str, Any]:
     """Of the operation `tiles`."""
-    lights = [each.model_dump(mode="json", exclude={"shadow"}) for each in lamps]
+    lights = [each.model_dump(mode="json", exclude={"shadow", "slide"}) for each in lamps]
     made: dict[str, Any] = {"lights": lights, "faint": faint, "reflected": _reflected(scene, images)}
     made["worth"] = 0.0 if scene.output is Output.TILES else SAVED
     fog = _hiding(scene)
     if fog is not None:
         made["fog"] = fog
-    return made
+    return made | _surroundings(scene, images)
+
+
+def _surroundings(scene: Scene, images: Mapping[str, Image]) -> dict[str, Any]:
+    """What tiles are told of the environment."""
+    if scene.environment is None:
+        return {}
+    said = {name: value for name, value in scene.environment.items() if name != "image"}
+    p = understood("reflection", said, "/environment")
+    image = images.get(str(scene.environment["image"]))
+    known = image is not None and not image.extent.nonfinite and not p.coated
+    return {
+        "surroundings": "everywhere" if p.background == "environment" else "surfaces",
+        "brightest": image.extent.magnitude if image is not None and known else None,
+    }
 
 
 def _hiding(scene: Scene) -> dict[str, Any] | None:
@@ -124,7 +141,11 @@ def _reflected(scene: Scene, images: Mapping[str, Image]) -> float | None:
         least = surface.facet_roughness if "facet_roughness" in scene.surface else roughest
         slope = min(max(least, SMOOTHEST), 1.0) ** 2
         shiny = max(surface.highlight) * specular * errors.peak(material, slope)
-    return 1.001 * (diffuse * albedo + shiny)
+    shown = [images.get(each.slide) for each in scene.lights if each.slide is not None]
+    if any(each is None or each.extent.nonfinite for each in shown):
+        return None
+    brightest = max([1.0, *(each.extent.magnitude for each in shown if each is not None)])
+    return 1.001 * brightest * (diffuse * albedo + shiny)
 
 
 def _coloured(scene: Scene) -> bool:

@@ -148,6 +148,55 @@ def test_shadow_darkens_and_fog_brightens_where_they_should() -> None:
     assert np.abs(foggy[~sky] - clear[~sky]).max() > 0.02
 
 
+def test_projectors_and_slabs_show_pictures_sent_along() -> None:
+    """As the operation does by itself, each its own, with shadows and without."""
+    rng = np.random.default_rng(3)
+    images = {"film": rng.random((6, 8, 3), np.float32), "sheet": 2 * rng.random((8, 12, 1), np.float32)}
+    placed = {"position": [0.5, 3, 2], "direction": [-0.5, -3, -2], "intensity": 6}
+    lamps = [
+        {"kind": "projector", "slide": "film", **placed},
+        {"kind": "slab", "slide": "sheet", "cells": [3, 2], "size": [0.3, 0.2], "fov": 60, **placed},
+    ]
+    scene: dict[str, Any] = {
+        "camera": {**STILL["camera"], "width": 40, "height": 30}, "objects": [{"shape": "plane"}, STILL["objects"][1]],
+    }  # fmt: skip
+    for shadow in (None, {"size": 64}):
+        both = [{**lamp, "shadow": shadow} for lamp in lamps]
+        made = lichen.render({**scene, "lights": [*both, STILL["lights"][1]]}, images=images).image.pixels
+        alone = [
+            lichen.render(
+                {**scene, "lights": [each]}, images={k: v for k, v in images.items() if k == each.get("slide")}
+            )
+            for each in (*both, STILL["lights"][1])
+        ]
+        np.testing.assert_allclose(made, sum(each.image.pixels for each in alone), atol=2e-6)
+    seen = {name: lichen.render({**scene, "output": name}).image.pixels for name in ("position", "normal", "albedo")}
+    slab = {key: value for key, value in lamps[1].items() if key != "slide"}
+    wish: dict[str, Any] = {"lights": [slab], "model": "lambert", "diffuse": [1, 1, 1]}
+    by_hand = lichen.run("lighting", **seen, slab=images["sheet"], **wish).image.pixels
+    assert by_hand.max() > 0.1
+    rendered = lichen.render({**scene, "lights": lamps[1:]}, images={"sheet": images["sheet"]}).image.pixels
+    np.testing.assert_allclose(rendered, by_hand, atol=1e-5)
+
+
+def test_points_of_a_light_each_cast_a_shadow() -> None:
+    """With and without shadows, in parts of what four points give: all of them are there, and none between."""
+    lamp = {"kind": "area", "position": [1, 3, 1], "direction": [-1, -3, -1], "size": [0.8, 0.8], "samples": 1}
+    balls = [{"shape": "plane"}, {"shape": "sphere", "centre": [0, 0.7, 0], "radius": 0.4}]
+    scene: dict[str, Any] = {
+        "camera": {"eye": [0, 2.5, 3], "target": [0, 0, 0], "width": 64, "height": 48}, "objects": balls,
+    }  # fmt: skip
+    shadow = {"filter": 0, "points": 4, "size": 256}
+    lit, whole = (
+        lichen.render({**scene, "lights": [light]}).image.pixels[..., 0] for light in ({**lamp, "shadow": shadow}, lamp)
+    )
+    shares = np.divide(lit, whole, where=whole > 1e-4, out=np.ones_like(lit))
+    assert np.allclose(shares * 4, np.rint(shares * 4), atol=1e-4)
+    assert set(np.unique(np.rint(shares * 4))) == {0, 1, 2, 3, 4}
+    single = lichen.explain_scene({**scene, "lights": [{**lamp, "kind": "point", "shadow": shadow}]})
+    assert any(each.reason == "the light is one point" for each in single.decisions)
+
+
 def test_surroundings_lens_and_shutter_do_what_their_operations_do() -> None:
     sky = lichen.Image(np.random.default_rng(2).random((16, 32, 3), np.float32), lichen.Space.LINEAR)
     moving = [STILL["objects"][0], {**STILL["objects"][1], "velocity": [0.2, 0, 0]}]
@@ -235,6 +284,22 @@ def test_a_scene_of_nothing_but_its_albedo_is_that_picture() -> None:
     np.testing.assert_array_equal(made.image.pixels, sent["a"].pixels)
     whole = lichen.render(scene, images=sent, space="linear", prune=False)
     np.testing.assert_allclose(whole.image.pixels, sent["a"].pixels, atol=1e-6)
+
+
+@pytest.mark.parametrize("background", ["none", "environment"])
+def test_what_fog_hides_mirrors_nothing(background: str) -> None:
+    """Nor does what is not there, unless the environment is to be seen behind it."""
+    sky = np.random.default_rng(2).random((16, 32, 3), np.float32)
+    camera = {**STILL["camera"], "width": 150, "height": 140, "target": [0, 1.8, 0]}
+    lamps = [{"kind": "point", "position": [x, 3, 2], "intensity": 3} for x in np.linspace(-2, 2, 8)]
+    fog = {"kind": "linear", "start": 1, "end": 4.5, "colour": [0.6, 0.68, 0.8]}
+    mirror = {"image": "sky", "fresnel": "dielectric", "background": background}
+    scene = {**STILL, "camera": camera, "fog": fog, "lights": lamps, "environment": mirror}
+    pruned, whole = (lichen.render(scene, images={"sky": sky}, prune=prune) for prune in (True, False))
+    assert np.abs(pruned.image.pixels - whole.image.pixels).max() <= 1e-6
+    found = lichen.map_scene(scene, images={"sky": sky})
+    assert found.effects[-1] == "environment"
+    assert {1, 4} & set(found.why[..., -1].ravel()) == ({4} if background == "environment" else {1, 4})
 
 
 @pytest.mark.parametrize("kind", ["exponential", "height"])

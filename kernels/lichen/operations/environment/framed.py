@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lichen.errors import Flaw
+from lichen.image import Image
 from lichen.memory import Array, aligned_empty
 from lichen.operation import Facts
 from lichen.operations.warp.charts import LAYOUT, Chart, Sphere, Vectors
@@ -70,6 +71,14 @@ class Seams(NamedTuple):
 def framed(pixels: Array, chart: Chart) -> Array:
     """The image's charts, each with its frame: (charts, height + 2, width + 2, channels), of the image's precision."""
     return in_memory(pixels, chart)[0]
+
+
+def kept(image: Image, chart: Chart) -> tuple[Array, Array]:
+    """As `in_memory`, and kept as long as the image is: frames of a scene ask for the same."""
+    held: dict[Chart, tuple[Array, Array]] = vars(image).setdefault("framed", {})
+    if chart not in held:
+        held[chart] = in_memory(image.pixels, chart)
+    return held[chart]
 
 
 def in_memory(pixels: Array, chart: Chart) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@
 //   FRESNEL            0 a constant, 1 Fresnel's equations, 2 Schlick's approximation
 //   COLOURS            1 to 4 channels of pictures
 //   WEIGHT             float or double: the precision of reflectances
+//   REAL, SHORT        double and 0, or float and 1: the precision of directions and places
 //   BASE, IRRADIANCE   1 where there is such an input; COATED 1 where the base loses what is reflected
 //   BEHIND             1 where the environment shows where there is no surface
 // `n` holds the turn, row by row, the eye, the scale of the view, the index, its inverse, and the constant reflectance.
@@ -19,6 +20,7 @@
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 #define SEGMENT 64
+#define TILE 32
 #define EACH for (int i = 0; i < SEGMENT; ++i)
 
 // Where directions lie between the texels of a framed environment.
@@ -27,12 +29,27 @@ typedef struct {
     float x[SEGMENT], y[SEGMENT];
 } Places;
 
+// What squares of floats would lose: the largest of three numbers becomes 1, if there is one.
+#define R(x) ((REAL)(x))
+#if SHORT
+#define SCALE(x, y, z)                                          \
+    {                                                           \
+        REAL most = fmax(fabs(x), fmax(fabs(y), fabs(z)));      \
+        most = most > 0 ? 1 / most : R(1);                      \
+        x *= most;                                              \
+        y *= most;                                              \
+        z *= most;                                              \
+    }
+#else
+#define SCALE(x, y, z)
+#endif
+
 // Directions of charts.
 typedef struct {
-    double x[SEGMENT], y[SEGMENT], z[SEGMENT];
+    REAL x[SEGMENT], y[SEGMENT], z[SEGMENT];
 } Directions;
 
-inline void turn(Directions *restrict to, int i, double x, double y, double z, const double *restrict m)
+inline void turn(Directions *restrict to, int i, REAL x, REAL y, REAL z, const REAL *restrict m)
 {
     to->x[i] = m[0] * x + m[1] * y + m[2] * z;
     to->y[i] = m[3] * x + m[4] * y + m[5] * z;
@@ -55,22 +72,24 @@ inline void fetch(float *restrict to, global const float *restrict from, int eac
 inline void located(Places *restrict at, const Directions *restrict d, int tall, int wide,
                     global const int *restrict cells)
 {
-    double s[SEGMENT], t[SEGMENT];
+    REAL s[SEGMENT], t[SEGMENT];
     int face[SEGMENT];
 #if CHART == 0
     EACH {
         float x = (float)d->x[i], y = (float)d->y[i], z = (float)d->z[i];
-        s[i] = num_atan2(x, z) * 0.31830988618379067;
-        t[i] = num_atan2(y, sqrt(x * x + z * z)) * 0.63661977236758134;
+        // Near a pole all of a longitude may be in numbers that a float does not hold.
+        REAL far = fmax(fabs(d->x[i]), fabs(d->z[i])), whole = far > 0 ? far : R(1);
+        s[i] = num_atan2((float)(d->x[i] / whole), (float)(d->z[i] / whole)) * R(0.31830988618379067);
+        t[i] = num_atan2(y, sqrt(x * x + z * z)) * R(0.63661977236758134);
         face[i] = 0;
     }
 #elif CHART == 1
     EACH {
-        double x = d->x[i], y = d->y[i], z = d->z[i], ax = fabs(x), ay = fabs(y), az = fabs(z);
+        REAL x = d->x[i], y = d->y[i], z = d->z[i], ax = fabs(x), ay = fabs(y), az = fabs(z);
         bool along = az >= ax && az >= ay, side = !along && ax >= ay;
-        double depth = along ? az : (side ? ax : ay);
-        double across = along ? (z >= 0 ? x : -x) : (side ? (x >= 0 ? -z : z) : x);
-        double down = along || side ? y : (y >= 0 ? -z : z);
+        REAL depth = along ? az : (side ? ax : ay);
+        REAL across = along ? (z >= 0 ? x : -x) : (side ? (x >= 0 ? -z : z) : x);
+        REAL down = along || side ? y : (y >= 0 ? -z : z);
         s[i] = across / depth;
         t[i] = down / depth;
         face[i] = along ? (z >= 0 ? 1 : 4) : (side ? (x >= 0 ? 2 : 0) : (y >= 0 ? 5 : 3));
@@ -78,25 +97,25 @@ inline void located(Places *restrict at, const Directions *restrict d, int tall,
     EACH face[i] = cells[face[i]];
 #elif CHART == 2
     EACH {
-        double x = d->x[i], y = d->y[i], z = d->z[i], below = sqrt(x * x + y * y + z * z) + fabs(z);
+        REAL x = d->x[i], y = d->y[i], z = d->z[i], below = sqrt(x * x + y * y + z * z) + fabs(z);
         s[i] = (z >= 0 ? x : -x) / below;
         t[i] = y / below;
         face[i] = z >= 0 ? 0 : 1;
     }
 #else
     EACH {
-        double x = d->x[i], y = d->y[i], z = d->z[i], length = sqrt(x * x + y * y + z * z), flat = x * x + y * y;
-        double less = z > 0 ? flat / (length + fabs(z)) : length - z; // 1 - z, without its difference
-        double normal = sqrt(2 * less * length);
-        s[i] = normal == 0 ? 1.0 : x / normal;
-        t[i] = normal == 0 ? 0.0 : y / normal;
+        REAL x = d->x[i], y = d->y[i], z = d->z[i], length = sqrt(x * x + y * y + z * z), flat = x * x + y * y;
+        REAL less = z > 0 ? flat / (length + fabs(z)) : length - z; // 1 - z, without its difference
+        REAL normal = sqrt(2 * less * length);
+        s[i] = normal == 0 ? R(1.0) : x / normal;
+        t[i] = normal == 0 ? R(0.0) : y / normal;
         face[i] = 0;
     }
 #endif
     EACH {
-        double x = (s[i] + 1) / 2 * wide - 0.5, y = (t[i] + 1) / 2 * tall - 0.5, left = floor(x), top = floor(y);
+        REAL x = (s[i] + 1) / 2 * wide - R(0.5), y = (t[i] + 1) / 2 * tall - R(0.5), left = floor(x), top = floor(y);
         bool there = fabs(x) < 1e9 && fabs(y) < 1e9;
-        int column = (int)(there ? left : 0.0) + 1, row = (int)(there ? top : 0.0) + 1;
+        int column = (int)(there ? left : R(0.0)) + 1, row = (int)(there ? top : R(0.0)) + 1;
         at->texel[i] = (face[i] * (tall + 2) + row) * (wide + 2) + column;
         at->x[i] = (float)(x - left);
         at->y[i] = (float)(y - top);
@@ -174,13 +193,24 @@ kernel void reflection(global const float *restrict normals, global const float 
                        global const float *restrict irradiance, global float *restrict out,
                        global const double *restrict n, global const int *restrict cells, int width, int height,
                        int tall, int wide, int irradiance_tall, int irradiance_wide, int nearest,
-                       ulong pixels)
+                       global const uchar *restrict skipped, ulong pixels)
 {
     ulong first = get_global_id(0) * (ulong)SEGMENT;
     if (first >= pixels)
         return;
     int last = (int)min((ulong)SEGMENT, pixels - first) - 1;
-    double m[9], eye_x = n[9], eye_y = n[10], eye_z = n[11], scale = n[12], index = n[13], inverse_index = n[14];
+    int skip[SEGMENT], all_skipped = skipped != 0;
+    EACH {
+        uint at = (uint)first + min(i, last), row = at / (uint)width, column = at - row * (uint)width;
+        skip[i] = skipped ? skipped[row / TILE * ((width + TILE - 1) / TILE) + column / TILE] : 0;
+        all_skipped &= skip[i];
+    }
+    if (all_skipped) {
+        for (int k = 0; k < COLOURS * (last + 1); ++k)
+            out[COLOURS * first + k] = BASE ? base[COLOURS * first + k] : 0.0f;
+        return;
+    }
+    REAL m[9], eye_x = n[9], eye_y = n[10], eye_z = n[11], scale = n[12], index = n[13], inverse_index = n[14];
     for (int k = 0; k < 9; ++k)
         m[k] = n[k];
     float fixed = (float)n[15], given[NORMALS * SEGMENT], share[SEGMENT];
@@ -196,44 +226,46 @@ kernel void reflection(global const float *restrict normals, global const float 
     Directions outward, mirror, through;
     int empty[SEGMENT];
     EACH {
-        double x = given[NORMALS * i], y = given[NORMALS * i + 1];
+        REAL x = given[NORMALS * i], y = given[NORMALS * i + 1];
 #if UNIT
         x = x * 2 - 1;
         y = y * 2 - 1;
 #endif
         y = DOWN ? -y : y;
 #if NORMALS == 3
-        double z = given[NORMALS * i + 2];
+        REAL z = given[NORMALS * i + 2];
 #if UNIT
         z = z * 2 - 1;
 #endif
 #else
-        double rest = 1 - (x * x + y * y), z = sqrt(rest < 0 ? 0.0 : rest);
+        REAL rest = 1 - (x * x + y * y), z = sqrt(rest < 0 ? R(0.0) : rest);
 #endif
-        double length = sqrt(x * x + y * y + z * z), inverse = 1 / (length == 0 ? 1.0 : length);
+        SCALE(x, y, z)
+        REAL length = sqrt(x * x + y * y + z * z), inverse = 1 / (length == 0 ? R(1.0) : length);
         int nothing = length == 0;
-        double nx = x * inverse, ny = y * inverse, nz = z * inverse;
+        REAL nx = x * inverse, ny = y * inverse, nz = z * inverse;
 #if VIEW == 2
-        double a = place[3 * i], b = place[3 * i + 1], d = place[3 * i + 2];
+        REAL a = place[3 * i], b = place[3 * i + 1], d = place[3 * i + 2];
         int far = ((fabs(a) == INFINITY) | (fabs(b) == INFINITY) | (fabs(d) == INFINITY)) & (a == a) & (b == b) & (d == d);
-        double vx = eye_x - (far ? 0.0 : a), vy = eye_y - (far ? 0.0 : b), vz = eye_z - (far ? 0.0 : d);
-        length = sqrt(vx * vx + vy * vy + vz * vz), inverse = 1 / (length == 0 ? 1.0 : length);
+        REAL vx = eye_x - (far ? R(0.0) : a), vy = eye_y - (far ? R(0.0) : b), vz = eye_z - (far ? R(0.0) : d);
+        SCALE(vx, vy, vz)
+        length = sqrt(vx * vx + vy * vy + vz * vz), inverse = 1 / (length == 0 ? R(1.0) : length);
         nothing |= far | (length == 0);
         vx *= inverse;
         vy *= inverse;
         vz *= inverse;
 #elif VIEW == 1
         uint at = (uint)first + i, row = at / (uint)width, column = at - row * (uint)width;
-        double vx = (column + 0.5 - 0.5 * width) * -scale, vy = (row + 0.5 - 0.5 * height) * scale, vz = 1.0;
+        REAL vx = (column + R(0.5) - R(0.5) * width) * -scale, vy = (row + R(0.5) - R(0.5) * height) * scale, vz = R(1.0);
         inverse = 1 / sqrt(vx * vx + vy * vy + vz * vz);
         vx *= inverse;
         vy *= inverse;
         vz *= inverse;
 #else
-        double vx = 0.0, vy = 0.0, vz = 1.0;
+        REAL vx = R(0.0), vy = R(0.0), vz = R(1.0);
 #endif
         empty[i] = nothing;
-        double c = nx * vx + ny * vy + nz * vz, sign = c < 0 ? -1.0 : 1.0, ratio = c < 0 ? inverse_index : index;
+        REAL c = nx * vx + ny * vy + nz * vz, sign = c < 0 ? -R(1.0) : R(1.0), ratio = c < 0 ? inverse_index : index;
 #if IRRADIANCE
         turn(&outward, i, nx, ny, nz, m);
 #endif
@@ -241,8 +273,8 @@ kernel void reflection(global const float *restrict normals, global const float 
         ny *= sign;
         nz *= sign;
         c = fabs(c);
-        c = c > 1 ? 1.0 : c;
-        double eta = 1 / ratio, k = 1 - eta * eta * (1 - c * c), twice = 2 * c;
+        c = c > 1 ? R(1.0) : c;
+        REAL eta = 1 / ratio, k = 1 - eta * eta * (1 - c * c), twice = 2 * c;
         share[i] = FRESNEL ? reflected(c, ratio, k) : fixed;
         int behind = BEHIND & nothing;
 #if MODE != 1
@@ -250,9 +282,9 @@ kernel void reflection(global const float *restrict normals, global const float 
              behind ? -vz : twice * nz - vz, m);
 #endif
 #if MODE != 0
-        double along = eta * c - sqrt(k < 0 ? 0.0 : k);
+        REAL along = eta * c - sqrt(k < 0 ? R(0.0) : k);
         along = k < 0 ? twice : along;
-        eta = k < 0 ? 1.0 : eta;
+        eta = k < 0 ? R(1.0) : eta;
         turn(&through, i, behind ? -vx : along * nx - eta * vx, behind ? -vy : along * ny - eta * vy,
              behind ? -vz : along * nz - eta * vz, m);
 #endif
@@ -300,6 +332,11 @@ kernel void reflection(global const float *restrict normals, global const float 
 #endif
         made[i] = empty[i] ? kept : made[i] + passes * seen;
     }
+#endif
+#if BASE
+    EACH made[i] = skip[i] ? coloured(own, i) : made[i];
+#else
+    EACH made[i] = skip[i] ? (float4)(0.0f) : made[i];
 #endif
     for (int i = 0; i <= last; ++i) {
         global float *p = out + (first + i) * COLOURS;

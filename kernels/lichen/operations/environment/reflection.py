@@ -22,6 +22,9 @@ no more than a picture of them. The environment is turned by yaw, pitch and roll
 Where no surface is (a normal of 0, a position at infinity) the base passes, or the environment is seen straight ahead
 where `background` is environment.
 
+Where `tiles` leave the environment out (see the operation tiles) the base passes, too, and nothing is looked up; what
+that changes, `faint`, is part of every error.
+
 Methods: `exact`; `schlick` takes his approximation of F; `nearest` takes the texel a direction falls in.
 
 Sources: W. Heidrich and H.-P. Seidel, View-independent environment maps, Graphics Hardware 1998; W. Heidrich et al.,
@@ -62,6 +65,7 @@ from lichen.operations.environment import framed
 from lichen.operations.environment.fresnel import algebraic, reflectance, schlick, schlick_error
 from lichen.operations.environment.reflection_cases import CASES, EXAMPLES
 from lichen.operations.environment.surfaces import Convention, Encoding, Seen, mirrored, refracted, surface
+from lichen.operations.scene.lists import left_out, listing, passed
 from lichen.operations.warp.charts import FACES, NOTHING, Chart
 
 if TYPE_CHECKING:
@@ -109,6 +113,8 @@ class Parameters(Seen):
     yaw: Degrees = Field(0.0, ge=-1e5, le=1e5, description="how far the environment's middle is turned to the right")
     pitch: Degrees = Field(0.0, ge=-1e5, le=1e5, description="how far up")
     roll: Degrees = Field(0.0, ge=-1e5, le=1e5, description="how far it is tilted clockwise")
+    effect: int = Field(0, ge=0, le=4095, description="the channel of `tiles` that is about the environment")
+    faint: float = Field(0.0, ge=0, le=1e6, description="what `tiles` leave out of a pixel's light at most")
 
     @property
     def turn(self) -> Array:
@@ -131,9 +137,6 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     if p.coated and not {"base", "irradiance"} & facts.keys():
         flaws.append(Flaw("/parameters/coated", "there is neither a base nor an irradiance to be coated"))
     return flaws
-
-
-# ------------------------------------------------------------------------------------------------------ predictions
 
 
 def _under(facts: InputFacts) -> tuple[float, float]:
@@ -172,9 +175,13 @@ def _rounded(p: Parameters, facts: InputFacts) -> float:
     return min(value + (34 if p.fresnel is Fresnel.DIELECTRIC else 24) * ROUNDING * magnitude, FLOAT_MAX)
 
 
+def _faint(p: Parameters, facts: InputFacts) -> float:
+    return p.faint if "tiles" in facts else 0.0
+
+
 def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     value = _rounded(p, facts)
-    return Error(value, "bound", value)
+    return Error(value + _faint(p, facts), "bound", value)
 
 
 def _nearest_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
@@ -184,7 +191,7 @@ def _nearest_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     value = facts.get("environment", facts["normal"]).extent.spread
     if "irradiance" in facts:
         value += scale * facts["irradiance"].extent.spread
-    return Error(min(value + rounding, FLOAT_MAX), "bound", rounding)
+    return Error(min(value + rounding + _faint(p, facts), FLOAT_MAX), "bound", rounding)
 
 
 def _schlick_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
@@ -193,7 +200,7 @@ def _schlick_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     low, high = min(weighed.low, 0.0), max(weighed.high, 0.0)
     under = max(map(abs, _under(facts))) if p.coated else 0.0
     value = schlick_error(p.index) * (high - low + under)
-    return Error(min(value + rounding, FLOAT_MAX), "estimate", rounding)
+    return Error(min(value + rounding + _faint(p, facts), FLOAT_MAX), "estimate", rounding)
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
@@ -230,6 +237,7 @@ reflection = Operation(
         Input("position", "where the surface is, x, y and z", (3, 3), required=False, picture=False),
         Input("base", "what the surface shows by itself", (1, 4), required=False),
         Input("irradiance", "an environment that is looked up by the normal", (1, 4), required=False),
+        listing("the environment"),
     ),
     light=Light.LINEAR,
     wants_alpha=Alpha.ASSOCIATED,
@@ -241,9 +249,6 @@ reflection = Operation(
     examples=EXAMPLES,
     hard_cases=CASES,
 )
-
-
-# -------------------------------------------------------------------------------------------------------- in NumPy
 
 
 def _evaluated(inputs: Inputs, p: Parameters, look: Lookup, weight: Weight, kind: type[np.floating]) -> Array:
@@ -279,7 +284,7 @@ def _evaluated(inputs: Inputs, p: Parameters, look: Lookup, weight: Weight, kind
             plain = base if base is not None and not behind else np.zeros_like(made)
             plain = light("environment", -seen.view) if behind else plain
             made = np.where(seen.empty[..., np.newaxis], plain, made)
-    return made
+    return passed(made, base, inputs, p.effect)
 
 
 @reflection.truth
@@ -301,9 +306,8 @@ def _launched(
 ) -> Array:
     normal = inputs["normal"]
     channels = inputs["environment"].channels
-    maps = {
-        name: framed.in_memory(inputs[name].pixels, p.chart) for name in ("environment", "irradiance") if name in inputs
-    }
+    maps = {name: framed.kept(inputs[name], p.chart) for name in ("environment", "irradiance") if name in inputs}
+    short = nearest and p.fresnel is Fresnel.NONE
     charts = {Chart.LATLONG: 0, Chart.PARABOLOID: 2, Chart.MIRROR_BALL: 3}
     scale = math.tan(math.radians(p.fov or 0.0) / 2) / (0.5 * normal.height)
     numbers = np.array([*p.turn.reshape(-1), *p.eye, scale, p.index, 1 / p.index, p.reflectance])
@@ -314,11 +318,11 @@ def _launched(
         "VIEW": 2 if "position" in inputs else int(p.fov is not None), "MODE": list(Mode).index(p.mode),
         "FRESNEL": fresnel, "COLOURS": channels, "BASE": int("base" in inputs),
         "WEIGHT": "float" if 0.5 <= p.index <= 2 else "double", "IRRADIANCE": int("irradiance" in inputs),
-        "COATED": int(p.coated),
+        "COATED": int(p.coated), "REAL": "float" if short else "double", "SHORT": int(short),
         "BEHIND": int(p.background is Background.ENVIRONMENT),
     }  # fmt: skip
     out = aligned_empty((normal.height, normal.width, channels))
-    memories = [maps[name][1] if name in maps else None for name in ("environment", "irradiance")]
+    memories = (maps[name][1] if name in maps else None for name in ("environment", "irradiance"))
     given = {name: aligned(inputs[name].pixels) if name in inputs else None for name in ("position", "base")}
     sizes = [
         np.int32(maps[name][0].shape[axis] - 2 if name in maps else 1)
@@ -326,12 +330,14 @@ def _launched(
         for axis in (1, 2)
     ]
     pixels = normal.height * normal.width
+    skipped = left_out(inputs, p.effect, 1, normal.height, normal.width)
     with device.session() as session:
         session.launch(
             "environment/reflection.cl", "reflection", (-(-pixels // 64),),
             aligned(normal.pixels), given["position"], given["base"], *memories,
             session.write(out), aligned(numbers, np.float64), _cells(p.chart), np.int32(normal.width),
-            np.int32(normal.height), *sizes, np.int32(nearest), np.uint64(pixels),
+            np.int32(normal.height), *sizes, np.int32(nearest),
+            None if skipped is None else aligned(skipped, np.uint8), np.uint64(pixels),
             local=(1,), defines=defines,
         )  # fmt: skip
     return out
@@ -381,7 +387,7 @@ class Schlick:
     "nearest", error=_nearest_error, work=_work, rates={"opencl": Rate(8e-4, 7e-9), "numpy": Rate(2e-3, 6e-7)}
 )
 class Nearest:
-    """The texel that a direction falls in."""
+    """The texel that a direction falls in, found in float32 where no reflectance depends on it."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:

@@ -112,12 +112,17 @@ def spiral(samples: int) -> Array:
 
 def segmented(radius: Array, around: int) -> Array:
     """How far the pixels of each segment may have to look: (height, segments) whole numbers."""
-    height, width = radius.shape
+    reach: Array = np.ceil(segment_most(radius, around) + 0.5)
+    return np.maximum(reach, 0).astype(np.int32, copy=False)
+
+
+def segment_most(plane: Array, around: int) -> Array:
+    """The largest within `around` pixels of each segment's: (height, segments); NOTHING where there is none."""
+    height, width = plane.shape
     segments = -(-width // SEGMENT)
     found = np.full((height, segments * SEGMENT), NOTHING)
-    found[:, :width] = nearby(radius, around)
-    reach: Array = np.ceil(found.reshape(height, segments, SEGMENT).max(axis=2) + 0.5)
-    return np.maximum(reach, 0).astype(np.int32, copy=False)
+    found[:, :width] = nearby(plane, around)
+    return np.asarray(found.reshape(height, segments, SEGMENT).max(axis=2))
 
 
 def taps(reach: int, samples: int, bokeh: Bokeh) -> Array:

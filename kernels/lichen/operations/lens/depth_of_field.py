@@ -20,7 +20,8 @@ One picture does not know what is hidden: what a lens sees around the edge of so
 is taken by what shows. The mean of many pictures from points of the lens (`accumulate`) knows it.
 
 Methods: `gather` takes every pixel within reach. `sampled` takes as many as asked for, along a spiral as wide as the
-largest radius near a run of 64 pixels, and all where they are no more than that.
+largest radius near a run of 64 pixels, and all where they are no more than that. `layered` blurs layers of like circles
+and lays them over each other; `light_field` is the mean of pictures from points of the lens (both in views.py).
 
 Sources: M. Potmesil and I. Chakravarty, A lens and aperture camera model for synthetic image generation, SIGGRAPH 1981;
 J. Demers, Depth of field: a survey of techniques, GPU Gems, 2004; H. Vogel, A better way to construct the sunflower
@@ -64,9 +65,11 @@ from lichen.operations.lens.circles import (
     grouped,
     radii,
     sampled,
+    segment_most,
     segmented,
     taps,
 )
+from lichen.operations.lens.views import STEPS, Layers, layered, lens_points, signed, viewed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -118,12 +121,15 @@ def _gather_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 
 
 def _sampled_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    """Both are means of the picture's values, so they differ by its range at most; usually by what the mean of as many
-    independent values would."""
+    """Usually by what the mean of as many independent values would."""
+    return _mixed_error(facts, knob + 12, 0.3 / math.sqrt(knob))
+
+
+def _mixed_error(facts: InputFacts, terms: float, usual: float) -> Error:
+    """Both are means of the picture's values, so they differ by its range at most; as a rule by a share of it."""
     extent = facts["image"].extent
-    rounding = min((knob + 12) * 2 * ROUNDING * extent.magnitude, FLOAT_MAX)
-    usual = 0.3 * extent.spread / math.sqrt(knob) + rounding
-    return Error(min(extent.spread + rounding, FLOAT_MAX), "bound", rounding, usual)
+    rounding = min(terms * 2 * ROUNDING * extent.magnitude, FLOAT_MAX)
+    return Error(min(extent.spread + rounding, FLOAT_MAX), "bound", rounding, usual * extent.spread + rounding)
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
@@ -303,3 +309,80 @@ class Sampled:
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
         depth, radius = _planes(inputs, p)
         return aligned(sampled(inputs["image"].pixels, depth, radius, p.bokeh, p.largest, round(knob)))
+
+
+def _layered(device: Device, inputs: Inputs, p: Parameters, count: int) -> Array:
+    image, (depth, radius) = inputs["image"], _planes(inputs, p)
+    height, width = radius.shape
+    layers = Layers.of(depth, radius, p.focus, p.bokeh, count)
+    around, begins = layers.around, np.cumsum([0, *map(len, layers.taps)])
+    near = np.where(layers.index < 0, NOTHING, layers.index.astype(np.float32))
+    far = np.where(layers.index < 0, NOTHING, count - near)
+    most, least = segment_most(near, around), count - segment_most(far, around)
+    ranges = np.stack([np.where(most < 0, 1, least), np.where(most < 0, 0, most)], axis=-1)
+    planes = _laid_out(np.moveaxis(image.pixels, -1, 0), around, 0.0)
+    index = _laid_out(layers.index.astype(np.float32), around, -1.0)
+    taps = np.concatenate([*layers.taps, np.zeros((1, 3))])
+    out = aligned_empty(image.pixels.shape)
+    with device.session() as session:
+        session.launch(
+            "lens/views.cl", "layered", (-(-width // SEGMENT), height),
+            planes, aligned(index, np.int32), aligned(radius), aligned(taps), aligned(begins, np.int32),
+            aligned(ranges, np.int32), session.write(out), np.int32(width), np.int32(height), np.int32(planes.shape[2]),
+            np.int32(around), local=(1, 1), defines={"CHANNELS": image.channels},
+        )  # fmt: skip
+    return out
+
+
+@depth_of_field.method(
+    "layered",
+    knob=Knob("layers", (2, 4, 8, 16), "ranges of circles that are blurred alike", 1, 64),
+    error=lambda p, layers, facts: _mixed_error(facts, 4.0 * (2 * p.largest + 2) ** 2 * layers, 0.3 / layers),
+    work=lambda p, layers, facts: (
+        facts["image"].pixels * (1 + round(layers)) * ((_radius(p, facts) + 1) ** 2) * (1.0 + facts["image"].channels)
+    ),
+    rates={"opencl": Rate(3e-3, 4e-10), "numpy": Rate(3e-3, 3e-9)},
+)
+class Layered:
+    """Layers of pixels with like circles, each blurred by one circle, the nearer over the farther."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, layers: float) -> Array:
+        return _layered(device, inputs, p, round(layers))
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, layers: float) -> Array:
+        depth, radius = _planes(inputs, p)
+        made = Layers.of(depth, radius, p.focus, p.bokeh, round(layers))
+        return aligned(layered(inputs["image"].pixels, made, radius))
+
+
+@depth_of_field.method(
+    "light_field",
+    knob=Knob("views", (8, 16, 32, 64), "points of the lens", 1, 1024),
+    error=lambda p, views, facts: _mixed_error(facts, 2 * views + 4, 0.3 / math.sqrt(views)),
+    work=lambda p, views, facts: facts["image"].pixels * views * (4.0 + facts["image"].channels),
+    rates={"opencl": Rate(2e-3, 1.2e-9), "numpy": Rate(2e-3, 2e-8)},
+)
+class LightField:
+    """The mean of views from points of the lens, each pixel followed back to what it shows."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, views: float) -> Array:
+        image, (depth, radius) = inputs["image"], _planes(inputs, p)
+        height, width = radius.shape
+        out, points = aligned_empty(image.pixels.shape), lens_points(round(views), p.bokeh)
+        with device.session() as session:
+            session.launch(
+                "lens/views.cl", "viewed", (-(-width // SEGMENT), height),
+                aligned(image.pixels), aligned(signed(depth, radius, p.focus)), aligned(radius), aligned(points),
+                session.write(out), np.int32(len(points)), np.int32(STEPS), np.int32(width), np.int32(height),
+                local=(1, 1), defines={"CHANNELS": image.channels},
+            )  # fmt: skip
+        return out
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, views: float) -> Array:
+        depth, radius = _planes(inputs, p)
+        points = lens_points(round(views), p.bokeh)
+        return aligned(viewed(inputs["image"].pixels, signed(depth, radius, p.focus), radius, points))

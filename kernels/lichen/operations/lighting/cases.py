@@ -37,6 +37,7 @@ EXAMPLES: tuple[Mapping[str, Any], ...] = (
             },
             {"kind": "area", "position": [0, 3, -2], "direction": [0, -1, -0.2], "size": [2, 1], "intensity": 3},
             {"kind": "projector", "position": [0, 0, 2], "direction": [0, 0, -1], "intensity": 8, "fov": 40},
+            {"kind": "slab", "position": [0.5, 0.2, 1], "size": [0.6, 0.4], "cells": [3, 2], "distance": 3, "fov": 70},
         ],
         "model": "ward",
         "facet_roughness": 0.5,
@@ -157,6 +158,21 @@ CASES = (
             "highlight": [0, 0, 0],
         },
         _gives(0.5, 0, 0),
+    ),
+    HardCase(
+        "on the plane of a slab, behind it, and where its pictures end",
+        "x / w where w is 0 or less; a neighbour's picture in the margin of a cell",
+        lambda: {
+            "normal": _row(*[(0, 0, 1)] * 4),
+            "position": _row((0.3, 0, 0), (0.3, 0, 1), (0, 0, -1), (0.75, 0, -1)),
+            "slab": np.repeat(np.array([[[0.0], [1.0], [5.0]]], np.float32), 3, axis=0),
+        },
+        {
+            "lights": [{"kind": "slab", "cells": [3, 1], "size": [0.3, 1e-6], "fov": 90, "falloff": [1, 0, 0]}],
+            "diffuse": [1, 1, 1],
+            "highlight": [0, 0, 0],
+        },
+        _sound,
     ),
     HardCase(
         "fibres towards the lamp, and none",

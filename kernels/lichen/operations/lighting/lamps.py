@@ -13,6 +13,7 @@ pi x intensity.
                   discs on an even grid, each with the cosine of a diffuse emitter
     projector     from `position` along `direction`, the input `slide` in colours: `fov` high, `aspect` times as wide;
                   dark beside the slide and behind the lamp
+    slab          from a rectangle of `size`, as an area, each of its `cells` with a picture of its own (`cell` below)
 
 Falloff is 1 / (a + b s + c s^2) with s^2 = distance^2 + radius^2, where (a, b, c) is `falloff`, and what arrives at the
 surface is that times the cosine times distance / s. For a, b, c = 0, 0, 1 this is exactly the flux from a transparent
@@ -21,9 +22,16 @@ centre, where light comes from all sides alike. So no smallest distance is neede
 nearer. Each disc of an area has the radius
 that makes up the area.
 
+A slab holds what leaves a real lamp, measured or computed once, in whatever way it is bent on the way out: its light
+through every small cell of a plane (u, v) before it, in every direction (s, t). The input `slab` is a sheet of
+pictures, `cells` across and down as seen from behind the lamp. Each is what leaves its cell's middle, `fov` high and
+`aspect` times as wide: pictures of what lies infinitely far away, or of one plane at `distance`, the same part of which
+all of them show. A slab shines as an area of so many discs does, each through its picture; of one cell, it is a
+projector with the extent of an area.
+
 Sources: W. Heidrich, High-quality shading and lighting for hardware-accelerated rendering, dissertation, Erlangen 1999,
-sections 2.4, 4.1 and 7.2; M. Segal et al., Fast shadows and lighting effects using texture mapping, SIGGRAPH 1992
-(projectors).
+sections 2.4, 4.1 and 7.2 (equation 7.4); M. Segal et al., Fast shadows and lighting effects using texture mapping,
+SIGGRAPH 1992 (projectors).
 """
 
 from __future__ import annotations
@@ -68,13 +76,18 @@ class Row:
     CONE = 18
     """1 - cos outer, then 1 / (cos inner - cos outer), which is 0 where there is no cone"""
     SLIDE = 20
-    """1: through the slide, whose axes follow: across and down, in slides of the distance along the axis"""
+    """1: through the slide, 2: through the slab, whose axes follow: across and down, in slides of the distance along
+    the axis"""
     ACROSS = 21
     DOWN = 24
     LAMP = 27
     """number of the lamp"""
     NEAREST = 28
     """its square"""
+    CELL = 29
+    """of a slab: the column and the row of its picture, then how many there are across and down"""
+    MOVED = 33
+    """how far its picture is moved to the right and down, in pictures"""
 
 
 class Kind(StrEnum):
@@ -85,17 +98,24 @@ class Kind(StrEnum):
     SPOT = "spot"
     AREA = "area"
     PROJECTOR = "projector"
+    SLAB = "slab"
+
+
+TURNED = (Kind.AREA, Kind.PROJECTOR, Kind.SLAB)
+"""Lamps that have an upper side, and shine to one side only."""
+WIDE = (Kind.AREA, Kind.SLAB)
+"""Lamps that are made up of discs."""
 
 
 class Lamp(OperationParameters):
     kind: Kind = Kind.DIRECTIONAL
-    """directional, point, spot, area or projector"""
+    """directional, point, spot, area, projector or slab"""
     position: Vector = (0.0, 0.0, 0.0)
     """where it is; no part in directional light"""
     direction: Vector = (0.0, 0.0, -1.0)
     """the way it shines, of any length; no part in a point"""
     up: Vector = (0.0, 1.0, 0.0)
-    """what is upwards for an area or a projector"""
+    """what is upwards for an area, a projector or a slab"""
     colour: Colour = (1.0, 1.0, 1.0)
     """linear"""
     intensity: float = Field(1.0, ge=0, le=1e9)
@@ -111,13 +131,19 @@ class Lamp(OperationParameters):
     outer: Degrees = Field(45.0, ge=1, le=180)
     """angle from the axis at which it ends; a degree more than inner at least"""
     size: tuple[Annotated[float, Field(ge=1e-6, le=1e6)], Annotated[float, Field(ge=1e-6, le=1e6)]] = (1.0, 1.0)
-    """width and height of an area"""
+    """width and height of an area or a slab"""
     samples: int = Field(16, ge=1, le=1024)
     """discs that make up an area, at least"""
     fov: Degrees = Field(45.0, ge=1, le=170)
-    """height of a projector's picture"""
+    """height of a projector's picture, or of a slab's pictures"""
     aspect: float = Field(1.0, ge=0.01, le=100)
     """width of a projector's picture by its height"""
+    cells: tuple[Annotated[int, Field(ge=1, le=64)], Annotated[int, Field(ge=1, le=64)]] = (8, 8)
+    """of a slab: pictures across and down its sheet"""
+    lit: tuple[Annotated[int, Field(ge=1, le=64)], Annotated[int, Field(ge=1, le=64)]] | None = None
+    """of a slab: so many of its cells shine for all of them, evenly chosen; none: each for itself"""
+    distance: float | None = Field(None, ge=1e-3, le=1e6)
+    """of a slab: how far away lies what its pictures show; none: infinitely far"""
 
     @field_validator("direction")
     @classmethod
@@ -137,7 +163,7 @@ class Lamp(OperationParameters):
     def _sound(self) -> Self:
         if self.kind is Kind.SPOT and self.outer < self.inner + 1:
             raise ValueError(f"outer must be a degree more than inner ({self.inner:g})")
-        if self.kind in (Kind.AREA, Kind.PROJECTOR):
+        if self.kind in TURNED:
             along, up = (unit_vector(each) for each in (self.direction, self.up))
             if np.linalg.norm(np.cross(along, up)) < 1e-3:
                 raise ValueError("up must not point along direction")
@@ -145,12 +171,24 @@ class Lamp(OperationParameters):
 
     @property
     def grid(self) -> tuple[int, int]:
-        """Discs across and down, as near to square as their number allows."""
+        """Discs across and down: of an area as near to square as can be, of a slab the cells that shine."""
+        if self.kind is Kind.SLAB:
+            across, down = self.lit or self.cells
+            return min(across, self.cells[0]), min(down, self.cells[1])
         if self.kind is not Kind.AREA:
             return 1, 1
         across = max(1, round(math.sqrt(self.samples * self.size[0] / self.size[1])))
         across = min(across, self.samples)
         return across, -(-self.samples // across)
+
+    def sparse(self, share: float) -> Lamp:
+        """With that share of its discs, one at least."""
+        if self.kind is Kind.AREA:
+            return self.model_copy(update={"samples": max(1, round(self.samples * share))})
+        if self.kind is not Kind.SLAB:
+            return self
+        across, down = (max(1, round(count * math.sqrt(share))) for count in self.grid)
+        return self.model_copy(update={"lit": (across, down)})
 
     @property
     def brightest(self) -> float:
@@ -165,7 +203,7 @@ class Lamp(OperationParameters):
     @property
     def reach(self) -> float:
         """The radius of a lamp, or of each disc of an area."""
-        if self.kind is not Kind.AREA:
+        if self.kind not in WIDE:
             return self.radius
         across, down = self.grid
         return math.sqrt(self.size[0] * self.size[1] / (math.pi * across * down))
@@ -188,18 +226,26 @@ class Lamp(OperationParameters):
         if self.kind is Kind.SPOT:
             inner, outer = (2 * math.sin(math.radians(each) / 2) ** 2 for each in (self.inner, self.outer))
             row[Row.CONE : Row.CONE + 2] = outer, 1 / (outer - inner)
-        right = unit_vector(np.cross(along, self.up)) if self.kind in (Kind.AREA, Kind.PROJECTOR) else np.zeros(3)
+        right = unit_vector(np.cross(along, self.up)) if self.kind in TURNED else np.zeros(3)
         upwards = np.cross(right, along)
-        if self.kind is Kind.PROJECTOR:
-            row[Row.SLIDE] = 1
-            half = 2 * math.tan(math.radians(self.fov) / 2)
+        half = 2 * math.tan(math.radians(self.fov) / 2)
+        if self.kind in (Kind.PROJECTOR, Kind.SLAB):
+            row[Row.SLIDE] = 1 + (self.kind is Kind.SLAB)
             row[Row.ACROSS : Row.ACROSS + 3] = right / (half * self.aspect)
             row[Row.DOWN : Row.DOWN + 3] = -upwards / half
-        row[Row.EMITTER] = self.kind is Kind.AREA
+        row[Row.EMITTER] = self.kind in WIDE
         made = []
-        for j in range(down):
-            for i in range(across):
-                x, y = ((i + 0.5) / across - 0.5) * self.size[0], (0.5 - (j + 0.5) / down) * self.size[1]
+        for v in range(down):
+            for u in range(across):
+                (i, j), of = (u, v), (across, down)
+                if self.kind is Kind.SLAB:
+                    of = self.cells
+                    i, j = int((u + 0.5) / across * of[0]), int((v + 0.5) / down * of[1])
+                    row[Row.CELL : Row.CELL + 4] = i, j, *of
+                x, y = ((i + 0.5) / of[0] - 0.5) * self.size[0], (0.5 - (j + 0.5) / of[1]) * self.size[1]
+                if self.kind is Kind.SLAB and self.distance is not None:
+                    away = self.distance * half
+                    row[Row.MOVED : Row.MOVED + 2] = x / (away * self.aspect), -y / away
                 place = np.array(self.position) + x * right + y * upwards
                 near = place.astype(np.float32).astype(np.float64)
                 row[Row.PLACE : Row.PLACE + 3], row[Row.REST : Row.REST + 3] = near, place - near

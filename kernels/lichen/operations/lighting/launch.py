@@ -20,7 +20,7 @@ from lichen.operations.scene.lists import by_pixel, left_out
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
-NAMES = ("position", "albedo", "specular", "roughness", "tangent", "visibility", "slide")
+NAMES = ("position", "albedo", "specular", "roughness", "tangent", "visibility", "slide", "slab")
 
 
 def task_of(p: Parameters, inputs: Inputs, material: Material, *, single: bool) -> Lit:
@@ -67,6 +67,7 @@ def on_opencl(device: Device, inputs: Inputs, p: Parameters, material: Material)
     pixels = normal.height * normal.width
     channels = [inputs[name].channels if name in inputs else 0 for name in NAMES]
     slide: Any = inputs.get("slide", normal)
+    slab: Any = inputs.get("slab", normal)
     out_of_tiles = left_out(inputs, p.effect, len(p.lights), normal.height, normal.width)
     width = normal.width if out_of_tiles is not None else pixels
     looked = aligned(tables.entries(material, p.slope, material.size)) if material.size else None
@@ -75,6 +76,7 @@ def on_opencl(device: Device, inputs: Inputs, p: Parameters, material: Material)
             "lighting/lighting.cl", "lighting", (-(-width // 16) * (pixels // width),),
             aligned(normal.pixels), *(aligned(inputs[name].pixels) if name in inputs else None for name in NAMES),
             aligned(np.array(channels), np.int32), np.int32(slide.width), np.int32(slide.height),
+            np.int32(slab.width), np.int32(slab.height),
             aligned(task.rows), np.int32(len(task.rows)), active(out_of_tiles, task.rows), aligned(_numbers(p, task)),
             np.int32(list(Model).index(material.model)), np.int32(list(Distribution).index(material.distribution)),
             np.int32(list(Masking).index(material.masking)), np.int32(list(Fresnel).index(material.fresnel)),

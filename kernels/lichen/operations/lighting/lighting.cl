@@ -42,14 +42,21 @@ PLANE_FN vector16 towards(global const float *restrict near, global const float 
     return vector((near[0] - position.x) + rest[0], (near[1] - position.y) + rest[1], (near[2] - position.z) + rest[2]);
 }
 
-// The slide where a point lies in its picture, between texels linearly, black around it and behind the lamp.
+// The slide, or the picture of a slab's cell, where a point lies in it, between texels linearly, black around it and
+// behind the lamp.
 PLANE_FN vector16 projected(global const float *restrict row, vector16 way, global const float *restrict slide, int channels,
                             int wide, int high)
 {
+    int pitch = wide;
+    if (row[31] != 0.0f) {
+        wide /= (int)row[31];
+        high /= (int)row[32];
+        slide += ((size_t)high * (int)row[30] * pitch + (size_t)wide * (int)row[29]) * channels;
+    }
     vector16 axis = same3(row + 10);
     float16 ahead = -vector_dot(axis, way);
-    float16 x = fma((float16)(wide), 0.5f - vector_dot(same3(row + 21), way) / ahead, (float16)(0.5f));
-    float16 y = fma((float16)(high), 0.5f - vector_dot(same3(row + 24), way) / ahead, (float16)(0.5f));
+    float16 x = fma((float16)(wide), (0.5f + row[33]) - vector_dot(same3(row + 21), way) / ahead, (float16)(0.5f));
+    float16 y = fma((float16)(high), (0.5f + row[34]) - vector_dot(same3(row + 24), way) / ahead, (float16)(0.5f));
     int16 inside = (ahead > 0.0f) & (x > 0.0f) & (y > 0.0f) & (x < wide + 1.0f) & (y < high + 1.0f);
     float at_x[16], at_y[16], made[3][16];
     int in[16];
@@ -64,7 +71,7 @@ PLANE_FN vector16 projected(global const float *restrict row, vector16 way, glob
             for (int k = 0; k < 4; k++) {
                 int u = column + (k & 1) - 1, v = row_of + (k >> 1) - 1;
                 int there = in[i] & -(u >= 0 & v >= 0 & u < wide & v < high);
-                corner[k] = there ? slide[((size_t)v * wide + u) * channels + c % channels] : 0.0f;
+                corner[k] = there ? slide[((size_t)v * pitch + u) * channels + c % channels] : 0.0f;
             }
             float upper = fma(right, corner[1] - corner[0], corner[0]);
             float lower = fma(right, corner[3] - corner[2], corner[2]);
@@ -104,7 +111,8 @@ kernel void lighting(global const float *restrict normal, global const float *re
                      global const float *restrict albedo, global const float *restrict specular,
                      global const float *restrict roughness, global const float *restrict tangent,
                      global const float *restrict visibility, global const float *restrict slide,
-                     global const int *restrict channels, int wide, int high, global const float *restrict rows,
+                     global const float *restrict slab, global const int *restrict channels, int wide, int high,
+                     int slab_wide, int slab_high, global const float *restrict rows,
                      int lamps, global const int *restrict active, global const float *restrict n, int model,
                      int distribution, int masking, int fresnel_kind,
                      global const float *restrict tables, int size, global float *restrict out, ulong width,
@@ -175,8 +183,10 @@ kernel void lighting(global const float *restrict normal, global const float *re
         if (row[0] != 0.0f) {
             vector16 way = towards(row + 4, row + 7, place);
             light = vector_scale(light, arriving(row, way, &l));
-            if (row[20] != 0.0f && channels[6]) {
-                vector16 seen = projected(row, way, slide, channels[6], wide, high);
+            bool cell = row[20] == 2.0f;
+            if (row[20] != 0.0f && channels[cell ? 7 : 6]) {
+                vector16 seen = projected(row, way, cell ? slab : slide, channels[cell ? 7 : 6], cell ? slab_wide : wide,
+                                          cell ? slab_high : high);
                 light = vector(light.x * seen.x, light.y * seen.y, light.z * seen.z);
             }
         }

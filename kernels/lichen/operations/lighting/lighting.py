@@ -10,8 +10,9 @@ highlights are as bright as they are.
 Inputs beside the normals, which need not be of unit length: `position`, wanted where a lamp is at a place or a viewer
 near; `albedo` and `specular`, colours or grey, which multiply `diffuse` and `highlight`; `roughness` and `tangent`, in
 place of `facet_roughness` and `grain`; `visibility`, how much is seen of a lamp, in one channel for all or one for
-each; `slide`, what projectors show; `tiles`, which lamps are left out where (see the operation tiles): their light
-counts as 0 there, and they are not looked at. What that changes, `faint`, is part of every error.
+each; `slide`, what projectors show, and `slab`, what slabs do; `tiles`, which lamps are left out where (see the
+operation tiles): their light counts as 0 there, and they are not looked at. What that changes, `faint`, is part of
+every error.
 
 The frame is right-handed, x to the right, y up, and the viewer looks along -z: from `eye` where there are positions and
 `local_viewer` is set, from infinity along `view` otherwise.
@@ -20,7 +21,8 @@ A normal of no length is not lit; nor is a pixel whose position is infinite, whe
 pixel. A lamp that is left by half of a surface takes the highlight of `phong` with it at once, so there rounding
 decides about all of it, and the error stated is the highlight.
 
-Methods: `exact` evaluates the formulas in float32; `sparse` too, with fewer discs for each area; `schlick` with C.
+Methods: `exact` evaluates the formulas in float32; `sparse` too, with fewer discs for each area; `coarse` for
+one pixel in many, and what is like it between; `schlick` with C.
 Schlick's approximation of the reflectance; `tables` looks up the factors of highlights (tables.py), as graphics
 hardware did: on processors that is no faster than to compute them, unless there are exponentials in them.
 
@@ -34,16 +36,19 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lichen.errors import Flaw
 from lichen.image import Alpha, Space
 from lichen.memory import Array
 from lichen.operation import POINTWISE, Error, Facts, Input, InputFacts, Inputs, Knob, Light, Operation, Rate
-from lichen.operations.lighting import errors, tables
+from lichen.operations.lighting import coarse, errors, tables
 from lichen.operations.lighting.cases import CASES, EXAMPLES
-from lichen.operations.lighting.lamps import Kind
+from lichen.operations.lighting.lamps import WIDE, Kind, Row
 from lichen.operations.lighting.launch import on_numpy, on_opencl
 from lichen.operations.lighting.parameters import Parameters
 from lichen.operations.lighting.reflection import SMOOTHEST, Fresnel, Model
+from lichen.operations.lighting.shading import PICTURES
 from lichen.operations.scene.lists import listing
 
 if TYPE_CHECKING:
@@ -58,9 +63,9 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     flaws = [
         Flaw(f"/inputs/{name}", f"is {each.width}x{each.height}; normal is {normal.width}x{normal.height}")
         for name, each in facts.items()
-        if name not in ("slide", "tiles") and (each.height, each.width) != (normal.height, normal.width)
+        if name not in (*PICTURES, "tiles") and (each.height, each.width) != (normal.height, normal.width)
     ]
-    for name in ("albedo", "specular", "slide"):
+    for name in ("albedo", "specular", *PICTURES):
         if name in facts and (facts[name].channels == 2 or facts[name].alpha is not Alpha.NONE):
             flaws.append(Flaw(f"/inputs/{name}", "must be grey or a colour, without coverage"))
     seen = facts["visibility"].channels if "visibility" in facts else 1
@@ -69,6 +74,10 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     for number, lamp in enumerate(p.lights):
         if lamp.kind is not Kind.DIRECTIONAL and "position" not in facts:
             flaws.append(Flaw(f"/parameters/lights/{number}/kind", f"{lamp.kind} needs the input position"))
+        sheet = facts.get("slab") if lamp.kind is Kind.SLAB else None
+        if sheet is not None and (sheet.width < lamp.cells[0] or sheet.height < lamp.cells[1]):
+            said = f"are {lamp.cells[0]}x{lamp.cells[1]}; the sheet is {sheet.width}x{sheet.height} px"
+            flaws.append(Flaw(f"/parameters/lights/{number}/cells", said))
     if p.discs > MOST_ROWS:
         flaws.append(Flaw("/parameters/lights", f"have more than {MOST_ROWS} samples together"))
     if not any(p.view):
@@ -81,8 +90,9 @@ def _reflected(p: Parameters, facts: InputFacts) -> errors.Reflected:
         return max(factor) * (facts[name].extent.magnitude if name in facts else 1.0)
 
     least = facts["roughness"].extent.low if "roughness" in facts else p.facet_roughness
-    through = {name: facts[name].extent.magnitude if name in facts else 1.0 for name in ("visibility", "slide")}
-    arriving = sum(lamp.brightest * (through["slide"] if lamp.kind is Kind.PROJECTOR else 1.0) for lamp in p.lights)
+    through = {name: facts[name].extent.magnitude if name in facts else 1.0 for name in ("visibility", *PICTURES)}
+    shown = {Kind.PROJECTOR: through["slide"], Kind.SLAB: through["slab"]}
+    arriving = sum(lamp.brightest * shown.get(lamp.kind, 1.0) for lamp in p.lights)
     arriving *= through["visibility"]
     slope = min(max(least, SMOOTHEST), 1.0) ** 2
     return errors.Reflected(
@@ -109,9 +119,15 @@ def _and_left_out(
 
 
 def _texels(p: Parameters, facts: InputFacts) -> int:
-    """The longer side of what projectors show."""
-    shown = any(lamp.kind is Kind.PROJECTOR for lamp in p.lights) and "slide" in facts
-    return max(facts["slide"].width, facts["slide"].height) if shown else 0
+    """The longer side of what projectors and slabs show, in pictures moved aside as far as they are."""
+    sides = [0]
+    for lamp in p.lights:
+        if lamp.kind is Kind.PROJECTOR and "slide" in facts:
+            sides.append(max(facts["slide"].width, facts["slide"].height))
+        if lamp.kind is Kind.SLAB and "slab" in facts:
+            side = max(facts["slab"].width // lamp.cells[0], facts["slab"].height // lamp.cells[1])
+            sides.append(math.ceil(side * (1 + float(np.abs(lamp.rows(0)[:, Row.MOVED : Row.MOVED + 2]).max()))))
+    return max(sides)
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
@@ -126,7 +142,7 @@ def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
     """Colours and slides are pictures; a highlight times a change of its colour has no bound but its own."""
     reflected = _reflected(p, facts)
     most = errors.gain(reflected, p.material(), shiny="specular" in facts)
-    slides = errors.extent(reflected, p.material(), 0).high if "slide" in facts else 0.0
+    slides = errors.extent(reflected, p.material(), 0).high if facts.keys() & set(PICTURES) else 0.0
     return errors.finite(error * (most + slides))
 
 
@@ -139,7 +155,7 @@ def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
 lighting = Operation(
     name="lighting",
     family="lighting",
-    summary="Lights surfaces given by their normals: lamps of five kinds, eight models of reflection.",
+    summary="Lights surfaces given by their normals: lamps of six kinds, eight models of reflection.",
     description=__doc__ or "",
     parameters=Parameters,
     inputs=(
@@ -151,6 +167,7 @@ lighting = Operation(
         Input("tangent", "which way the grain goes: x, y, z of any length", (3, 3), required=False, picture=False),
         Input("visibility", "share of each lamp that is seen, 1 where nothing is in the way", (1, None), False, False),
         Input("slide", "what projectors show; of any size", (1, 3), required=False),
+        Input("slab", "what leaves slabs: a sheet of pictures, one for each of their cells", (1, 3), required=False),
         listing("the lamp"),
     ),
     light=Light.LINEAR,
@@ -233,7 +250,7 @@ def _sparse_error(p: Parameters, share: float, facts: InputFacts) -> Error:
     if share >= 1 or _without_areas(p, facts):
         return Error(rounding, "estimate", rounding)
     areas = [
-        each.model_copy(update={"lights": tuple(lamp for lamp in each.lights if lamp.kind is Kind.AREA)})
+        each.model_copy(update={"lights": tuple(lamp for lamp in each.lights if lamp.kind in WIDE)})
         for each in (p, p.sparse(share))
     ]
     apart = max(errors.extent(_reflected(each, facts), p.material(), 0).high for each in areas)
@@ -241,7 +258,7 @@ def _sparse_error(p: Parameters, share: float, facts: InputFacts) -> Error:
 
 
 def _without_areas(p: Parameters, facts: InputFacts) -> str | None:
-    wide = any(lamp.kind is Kind.AREA and math.prod(lamp.grid) > 1 for lamp in p.lights)
+    wide = any(lamp.kind in WIDE and math.prod(lamp.grid) > 1 for lamp in p.lights)
     return None if wide else "no lamp is made up of several discs"
 
 
@@ -255,7 +272,7 @@ def _without_areas(p: Parameters, facts: InputFacts) -> str | None:
 )
 class Sparse:
     """The formulas in float32, with a `share` of the discs of each area in place of all: larger ones, on a coarser
-    grid."""
+    grid; of slabs a share of the cells."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, share: float) -> Array:
@@ -264,6 +281,50 @@ class Sparse:
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, share: float) -> Array:
         return on_numpy(inputs, p.sparse(share), p.material())
+
+
+def _coarse_error(p: Parameters, step: float, facts: InputFacts) -> Error:
+    """Means of light differ from it by its range at most: that from 0 where no colour is negative."""
+    rounding = _exact_error(p, step, facts).value
+    if coarse.power(step) == 1:
+        return Error(rounding, "estimate", rounding)
+    most = errors.extent(_reflected(p, facts), p.material(), 0).high
+    signed = any(facts[name].extent.low < 0 for name in ("albedo", "specular", "visibility") if name in facts)
+    return Error(errors.finite(rounding + most * (1 + signed)), "estimate", rounding, _usual(most, step))
+
+
+def _usual(most: float, step: float) -> float:
+    """Of the largest light, by which coarse light is off as a rule."""
+    return errors.finite(most * 2e-4 * step * step)
+
+
+@lighting.method(
+    "coarse",
+    error=_coarse_error,
+    work=lambda p, step, facts: (
+        _work(p, step, facts) * ((1 + p.shines) / coarse.power(step) ** 2 + 0.05) + 4 * facts["normal"].pixels
+        if coarse.power(step) > 1
+        else _work(p, step, facts)
+    ),
+    rates=RATES,
+    knob=Knob("step", (8, 4, 2, 1), "px between those that are lit: the nearest power of 2", 1, 64),
+    unfit=coarse.unfit,
+)
+class Coarse:
+    """One pixel in step^2 is lit by the formulas; those between take the light of what is like them around (coarse.py),
+    and those that nothing is like are lit by themselves."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, step: float) -> Array:
+        apart = coarse.power(step)
+        if apart == 1:
+            return on_opencl(device, inputs, p, p.material())
+        return coarse.opencl_body(device, inputs, p, apart)
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, step: float) -> Array:
+        apart = coarse.power(step)
+        return on_numpy(inputs, p, p.material()) if apart == 1 else coarse.numpy_body(inputs, p, apart)
 
 
 @lighting.method("exact", error=_and_left_out(_exact_error), work=_work, rates=RATES)

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from lichen.operation import OperationParameters
-from lichen.operations.lighting.lamps import Colour, Doubles, Kind, Lamp, Vector
+from lichen.operations.lighting.lamps import Colour, Doubles, Lamp, Vector
 from lichen.operations.lighting.reflection import SMOOTHEST, Distribution, Fresnel, Masking, Material, Model
 
 
@@ -26,7 +26,7 @@ class Parameters(OperationParameters):
     lights: Annotated[tuple[Lamp, ...], Field(min_length=1, max_length=256)] = (
         Lamp.model_validate({"direction": (-1.0, -1.0, -2.0)}),
     )
-    """the lamps, each by its kind (directional, point, spot, area, projector), colour, intensity and place"""
+    """the lamps, each by its kind (directional, point, spot, area, projector, slab), colour, intensity and place"""
     model: Model = Model.TORRANCE_SPARROW
     """how the surface reflects besides diffusely"""
     diffuse: Colour = (0.8, 0.8, 0.8)
@@ -110,9 +110,5 @@ class Parameters(OperationParameters):
         return _rows(self.lights)
 
     def sparse(self, share: float) -> Parameters:
-        """With that share of the discs of areas, one at least."""
-        lamps = [
-            lamp.model_copy(update={"samples": max(1, round(lamp.samples * share))}) if lamp.kind is Kind.AREA else lamp
-            for lamp in self.lights
-        ]
-        return self.model_copy(update={"lights": tuple(lamps)})
+        """With that share of the discs of areas and slabs, one at least."""
+        return self.model_copy(update={"lights": tuple(lamp.sparse(share) for lamp in self.lights)})

@@ -16,6 +16,8 @@ from lichen.operations.lighting import tables
 from lichen.operations.lighting.lamps import POSITIONAL, Doubles, Row
 from lichen.operations.lighting.reflection import SMOOTHEST, STEEP, Material, Model, cross, dot, highlight, unit
 
+PICTURES = ("slide", "slab")
+Pictures = tuple[Array | None, ...]
 BLOCK = 1 << 13
 """Pixels that are lit at once, so that the steps stay in cache."""
 
@@ -49,16 +51,16 @@ def lit(images: Mapping[str, Array], task: Lit) -> Array:
     """Radiance of shape (height, width, 3) in the task's precision; `images` are pixels of the inputs by name,
     and `out` which lamps are left out, a channel for each."""
     height, width, _ = images["normal"].shape
-    flat = {name: each.reshape(-1, each.shape[-1]) for name, each in images.items() if name != "slide"}
+    flat = {name: each.reshape(-1, each.shape[-1]) for name, each in images.items() if name not in PICTURES}
     out = aligned_empty((height * width, 3), task.kind)
-    slide = images.get("slide")
+    pictures = tuple(images.get(name) for name in PICTURES)
     with np.errstate(all="ignore"):
         for start in range(0, len(out), BLOCK):
             some = {
                 name: np.ascontiguousarray(each[start : start + BLOCK].T.astype(task.kind))
                 for name, each in flat.items()
             }
-            out[start : start + BLOCK] = _block(some, task, slide).T
+            out[start : start + BLOCK] = _block(some, task, pictures).T
     return out.reshape(height, width, 3)
 
 
@@ -90,7 +92,7 @@ def _grain(some: Mapping[str, Array], task: Lit, n: Array) -> Array:
     return np.asarray(np.where(dot(across, across) < STEEP**2, across - across, unit(across)))
 
 
-def _block(some: Mapping[str, Array], task: Lit, slide: Array | None) -> Array:
+def _block(some: Mapping[str, Array], task: Lit, pictures: Pictures) -> Array:
     n, v = unit(some["normal"]), _viewed(some, task)
     albedo = _constant(task.albedo, task) * some["albedo"] if "albedo" in some else _constant(task.albedo, task)
     specular = (
@@ -102,7 +104,7 @@ def _block(some: Mapping[str, Array], task: Lit, slide: Array | None) -> Array:
     shines = task.material.model is not Model.LAMBERT and any(task.specular)
     total = np.zeros((3, n.shape[1]), task.kind)
     for row in task.rows:
-        l, light = _arriving(row, some, task, slide)  # noqa: E741
+        l, light = _arriving(row, some, task, pictures)  # noqa: E741
         u = dot(n, l)
         diffuse = np.where(u > 0, u, u - u)
         if task.material.model is Model.BANKS:
@@ -133,7 +135,7 @@ def _there(total: Array, some: Mapping[str, Array], v: Array) -> Array:
     return np.asarray(np.where(np.isinf(some["position"]).any(axis=0), total.dtype.type(0), total))
 
 
-def _arriving(row: Doubles, some: Mapping[str, Array], task: Lit, slide: Array | None) -> tuple[Array, Array]:
+def _arriving(row: Doubles, some: Mapping[str, Array], task: Lit, pictures: Pictures) -> tuple[Array, Array]:
     """Unit vectors to the lamp, and its light: colours over the distance's part, before the cosine at the surface."""
     kind = task.kind
     colour = row[Row.COLOUR : Row.COLOUR + 3].astype(kind).reshape(3, 1)
@@ -155,9 +157,19 @@ def _arriving(row: Doubles, some: Mapping[str, Array], task: Lit, slide: Array |
         share = np.clip((outer - dot(off, off) / 2) * over, 0, 1)
         strength = strength * share * share * (3 - 2 * share)
     light = colour * strength
-    if row[Row.SLIDE] and slide is not None:
-        light = light * _projected(row, way, axis, slide, kind)
+    slide = pictures[int(row[Row.SLIDE]) - 1] if row[Row.SLIDE] else None
+    if slide is not None:
+        light = light * _projected(row, way, axis, _cell(row, slide), kind)
     return l, light
+
+
+def _cell(row: Doubles, sheet: Array) -> Array:
+    """The picture of a slab's cell, or the slide."""
+    i, j, across, down = (int(each) for each in row[Row.CELL : Row.CELL + 4])
+    if not across:
+        return sheet
+    high, wide = len(sheet) // down, sheet.shape[1] // across
+    return sheet[j * high : (j + 1) * high, i * wide : (i + 1) * wide]
 
 
 def _projected(row: Doubles, way: Array, axis: Array, slide: Array, kind: type[np.floating[Any]]) -> Array:
@@ -165,8 +177,9 @@ def _projected(row: Doubles, way: Array, axis: Array, slide: Array, kind: type[n
     height, width, channels = slide.shape
     ahead = -dot(axis, way)
     across, down = (row[at : at + 3].astype(kind).reshape(3, 1) for at in (Row.ACROSS, Row.DOWN))
-    x = kind(width) * (kind(0.5) - dot(across, way) / ahead) + kind(0.5)
-    y = kind(height) * (kind(0.5) - dot(down, way) / ahead) + kind(0.5)
+    aside, low = (kind(0.5 + moved) for moved in row[Row.MOVED : Row.MOVED + 2])
+    x = kind(width) * (aside - dot(across, way) / ahead) + kind(0.5)
+    y = kind(height) * (low - dot(down, way) / ahead) + kind(0.5)
     inside = (ahead > 0) & (x > 0) & (y > 0) & (x < width + 1) & (y < height + 1)
     x, y = np.where(inside, x, 0), np.where(inside, y, 0)
     framed = np.zeros((height + 2, width + 2, channels), kind)

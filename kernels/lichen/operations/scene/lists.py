@@ -38,6 +38,16 @@ def left_out(inputs: Inputs, first: int, count: int, height: int, width: int) ->
     return made if made.any() else None
 
 
+def passed(made: Array, below: Array | None, inputs: Inputs, effect: int) -> Array:
+    """What an effect made, but in the tiles in which it is left out what lies below it, or 0."""
+    height, width, _ = made.shape
+    out = left_out(inputs, effect, 1, height, width)
+    if out is None:
+        return made
+    under = made.dtype.type(0) if below is None else below.astype(made.dtype, copy=False)
+    return np.asarray(np.where(by_pixel(out, height, width), under, made))
+
+
 def by_pixel(out: Array, height: int, width: int) -> Array:
     """What holds of tiles, of their pixels."""
     wide: Array = out.repeat(TILE, axis=0)[:height].repeat(TILE, axis=1)[:, :width]

@@ -16,6 +16,8 @@ through the fog before the box: that of the nearest distance through the thinnes
 box. Lamps of which that is little are left out, the faintest first, as long as all of them together give no more than
 `faint`: because of the fog (4) where they would have given more without it, else for their distance (5).
 
+An environment gives as much everywhere, and is left out where nothing is and for the fog, as one more lamp would be.
+
 Everything is counted in doubles from float32 boxes. Margins cover the roundings of the float32 arithmetic that is left
 out: 1e-5 of a sum's terms, a thousandth of a radian, and 1e-5 of what comes through.
 """
@@ -30,7 +32,7 @@ import numpy as np
 from lichen.memory import Array
 from lichen.operations.fog.parameters import Kind as FogKind
 from lichen.operations.fog.parameters import Parameters as Fog
-from lichen.operations.lighting.lamps import Kind, Lamp, unit_vector
+from lichen.operations.lighting.lamps import TURNED, WIDE, Kind, Lamp, unit_vector
 
 REASONS = (
     "it is computed",
@@ -111,7 +113,7 @@ class Lamps:
             np.array([lamp.kind for lamp in lamps]),
             np.array([lamp.position for lamp in lamps]),
             direction / np.sqrt(np.sum(direction * direction, axis=1, keepdims=True)),
-            np.array([math.hypot(*lamp.size) / 2 if lamp.kind is Kind.AREA else 0.0 for lamp in lamps]),
+            np.array([math.hypot(*lamp.size) / 2 if lamp.kind in WIDE else 0.0 for lamp in lamps]),
             np.array([lamp.outer for lamp in lamps]),
             np.array([max(lamp.colour) * lamp.intensity for lamp in lamps]),
             np.array([lamp.reach**2 for lamp in lamps]),
@@ -130,17 +132,29 @@ class Lamps:
         )  # fmt: skip
 
 
-def reached(boxes: Boxes, lamps: Lamps, fog: Fog | None, reflected: float | None, faint: float) -> Array:
-    """Reasons and bounds, float64 (tiles, 2 lamps): why each lamp is left out, or 0, and by how much that is wrong."""
-    count = len(lamps.kind)
+@dataclass(frozen=True, slots=True)
+class Sky:
+    """An environment: the largest light it adds to a pixel, and whether it is seen where there is no surface."""
+
+    brightest: float
+    behind: bool
+
+
+def reached(
+    boxes: Boxes, lamps: Lamps, fog: Fog | None, reflected: float | None, faint: float, sky: Sky | None = None
+) -> Array:
+    """Reasons and bounds, float64 (tiles, 2 effects): why each lamp is left out, and the sky after them, or 0, and by
+    how much that is wrong."""
+    lit = len(lamps.kind)
+    count = lit + (sky is not None)
     made = np.zeros((len(boxes.low), 2 * count))
-    made[boxes.empty & ~boxes.spoilt, :count] = NOTHING
+    made[boxes.empty & ~boxes.spoilt, : lit if sky is None or sky.behind else count] = NOTHING
     seen = np.flatnonzero(~boxes.empty & ~boxes.spoilt)
     if not seen.size:
         return made
     some = boxes.some(seen)
-    why = np.zeros((len(seen), count), np.int64)
-    for kinds, beside in (((Kind.SPOT,), _outside_cones), ((Kind.AREA, Kind.PROJECTOR), _behind)):
+    why = np.zeros((len(seen), lit), np.int64)
+    for kinds, beside in (((Kind.SPOT,), _outside_cones), (TURNED, _behind)):
         which = np.flatnonzero(np.isin(lamps.kind, kinds))
         if which.size:
             why[:, which] = np.where(beside(lamps.some(which), some), BESIDE, why[:, which])
@@ -149,6 +163,9 @@ def reached(boxes: Boxes, lamps: Lamps, fog: Fog | None, reflected: float | None
     why[pairs] = np.where(_faces_away(lamps, some, *pairs) & (why[pairs] == 0), AWAY, why[pairs])
     through = np.ones((len(seen), 1)) if fog is None else comes_through(fog, some)[:, None]
     plain = _strongest(lamps, some) * reflected if reflected is not None and faint else _unknown(lamps, some)
+    if sky is not None:
+        why = np.column_stack([why, np.zeros(len(seen), np.int64)])
+        plain = np.column_stack([plain, np.full(len(seen), sky.brightest)])
     with np.errstate(invalid="ignore"):
         most = np.where((why > 0) | (through == 0), 0.0, plain * through)
     new = _little(most, faint) & (why == 0)

@@ -1,10 +1,11 @@
-"""Tiles: which lamps give something where, so that what shades need not look at the others.
+"""Tiles: which lamps give something where, so that what shades need not look at the others; and an environment.
 
 Truth: a picture of one pixel for each tile of 32 px (see `lichen.operations.scene.lists`), and two channels for each of
 the `lights`: why the lamp is left out in the tile, and how much it may have given there at most. A reason of 0 means
 that it is to be computed; `lichen.operations.scene.reaching` has the others, with the bounds that prove them. All that
 is left out of a tile amounts to `faint` together at most: it is no larger than that in any pixel, in units of the light
-that reaches the eye through the `fog`.
+that reaches the eye through the `fog`. Where `surroundings` say that there is an environment, it comes after the lamps,
+as one more effect.
 
 A tile in which a position or a normal is not a number has nothing left out.
 
@@ -18,8 +19,10 @@ High-quality shading and lighting, dissertation, Erlangen 1999.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -44,7 +47,7 @@ from lichen.operations.compositing.layers import same_size
 from lichen.operations.fog.parameters import Parameters as Fog
 from lichen.operations.lighting.lamps import Lamp
 from lichen.operations.scene.lists import TILE, tiles_of
-from lichen.operations.scene.reaching import NOTHING, REASONS, Boxes, Lamps, reached
+from lichen.operations.scene.reaching import NOTHING, REASONS, Boxes, Lamps, Sky, reached
 from lichen.operations.scene.tiles_cases import CASES, EXAMPLES
 
 if TYPE_CHECKING:
@@ -56,6 +59,15 @@ BOUNDS = 16
 """Numbers of a tile: twelve bounds, whether it is spoilt, and three that are not used."""
 
 
+class Surroundings(StrEnum):
+    """Where an environment is looked at."""
+
+    NONE = "none"
+    SURFACES = "surfaces"
+    EVERYWHERE = "everywhere"
+    """where there is no surface, too"""
+
+
 class Parameters(OperationParameters):
     lights: Annotated[tuple[Lamp, ...], Field(min_length=1, max_length=256)] = (Lamp.model_validate({}),)
     """the lamps, as of lighting"""
@@ -63,11 +75,19 @@ class Parameters(OperationParameters):
     """parameters of the operation fog; what it hides needs no light"""
     reflected: float | None = Field(None, ge=0, le=1e30)
     """the largest radiance that a surface sends of a lamp's 1; none: it has no bound"""
+    surroundings: Surroundings = Surroundings.NONE
+    """none, or where surfaces, or all pixels, show an environment: one more effect, after the lamps"""
+    brightest: float | None = Field(None, ge=0, le=1e30)
+    """the largest light that an environment adds to a pixel; none: it has no bound"""
     faint: float = Field(0.0, ge=0, le=1e6)
     """the largest light of a pixel that may be left out"""
     worth: float = Field(0.0, ge=0, le=1)
     """the share of pairs of a lamp and a tile that must be left out in every fourth tile of every fourth row (of fewer
     than 64 tiles in all), those aside where nothing is; where it is less, nothing is left out anywhere"""
+
+    @property
+    def effects(self) -> int:
+        return len(self.lights) + (self.surroundings is not Surroundings.NONE)
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
@@ -82,13 +102,13 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
 def _result(p: Parameters, facts: InputFacts) -> Facts:
     down, across = tiles_of(facts["position"].height, facts["position"].width)
     most = max(len(REASONS) - 1.0, p.faint * (1 + 1e-6))
-    return Facts(down, across, 2 * len(p.lights), extent=Extent(0.0, most, 0))
+    return Facts(down, across, 2 * p.effects, extent=Extent(0.0, most, 0))
 
 
 tiles = Operation(
     name="tiles",
     family="scene",
-    summary="Tells for every tile of a picture which lamps give nothing there, and why.",
+    summary="Tells for every tile of a picture which lamps, and whether an environment, give nothing there, and why.",
     description=__doc__ or "",
     parameters=Parameters,
     inputs=(
@@ -152,14 +172,21 @@ def _lists(bounds: Callable[[Taken], Array], inputs: Inputs, p: Parameters) -> A
     some = some if every.down * every.across >= FEW else every
     lamps = Lamps.of(p.lights)
     if p.worth and not _worthwhile(bounds(some), lamps, p):
-        return np.zeros((every.down, every.across, 2 * len(p.lights)), np.float32)
-    made = reached(Boxes.of(bounds(every)), lamps, p.fog, p.reflected, p.faint)
+        return np.zeros((every.down, every.across, 2 * p.effects), np.float32)
+    made = reached(Boxes.of(bounds(every)), lamps, p.fog, p.reflected, p.faint, _sky(p))
     return made.reshape(every.down, every.across, -1).astype(np.float32)
+
+
+def _sky(p: Parameters) -> Sky | None:
+    if p.surroundings is Surroundings.NONE:
+        return None
+    most = math.inf if p.brightest is None else p.brightest
+    return Sky(most, behind=p.surroundings is Surroundings.EVERYWHERE)
 
 
 def _worthwhile(found: Array, lamps: Lamps, p: Parameters) -> bool:
     """Whether enough is left out where something is."""
-    why = reached(Boxes.of(found), lamps, p.fog, p.reflected, p.faint)[:, : len(p.lights)]
+    why = reached(Boxes.of(found), lamps, p.fog, p.reflected, p.faint, _sky(p))[:, : p.effects]
     there = np.count_nonzero(why != NOTHING)
     return bool(np.count_nonzero(why > NOTHING) >= p.worth * there)
 
@@ -214,7 +241,7 @@ class Exact:
 @tiles.findings
 def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
     """How many pairs of a lamp and a tile are left out for each reason, and what they amount to in a tile at most."""
-    count = len(p.lights)
+    count = p.effects
     why, bounds = pixels[..., :count], pixels[..., count:]
     found = np.bincount(why.astype(int).ravel(), minlength=len(REASONS))
     return {

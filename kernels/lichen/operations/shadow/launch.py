@@ -1,8 +1,9 @@
 """Shadows on a device.
 
 The kernel's doubles, by their places: 0 to 15 the matrix to texels, 16 to 18 the light's eye, 19 to 27 its axes right,
-up and back, 28 a texel's width at depth 1, 29 how far it may bend there, 32 the depth that a slope allows for a texel,
-33 to 35 the terms of the map's depth, 36 to 38 the ends and the step of few bits, 39 the depth beyond the edge, 40 a
+up and back, 28 a texel's width at depth 1, 29 how far it may bend there, 30 and 31 what splits floats and their
+spacing, 32 the depth that a slope allows for a texel, 33 to 35 the terms of the map's depth, 36 to 38 the ends and the
+step of few bits or the terms of a reversed depth, 39 the depth beyond the edge, 40 a
 penumbra's width, 41 the eye's magnitude, 42 the share outside, 43 to 45 the terms of the camera's depth, 46 the
 filter's side.
 """
@@ -21,7 +22,7 @@ from lichen.operations.scene.lists import left_out
 from lichen.operations.scene.view import DepthKind, pointed, rays, window_terms
 from lichen.operations.shadow.comparing import BEND
 from lichen.operations.shadow.parameters import Kind, MapKind, Outside, Parameters
-from lichen.operations.shadow.storing import WHOLE, Stored
+from lichen.operations.shadow.storing import WHOLE, Store, Stored, reversed_terms
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -39,9 +40,11 @@ def numbers(p: Parameters, height: int, width: int, stored: Stored) -> Array:
     made[16:19], made[19:28], made[28] = p.light_eye, light.axes().ravel(), texel
     made[29], made[32] = BEND * texel, p.slope * texel
     made[33:36] = p.terms
-    if stored.bits and p.light_far is not None:
+    if stored.floating:
+        made[30:32], made[36:39] = (stored.splitter, stored.spacing), reversed_terms(p)
+    elif stored.bits and p.light_far is not None:
         near, far, levels = p.light_near, p.light_far, float(2**stored.bits - 1)
-        step = (1 / near - 1 / far) / levels if stored.window else (far - near) / levels
+        step = (1 / near - 1 / far) / levels if stored.kind is Store.WINDOW else (far - near) / levels
         made[36:39] = near, far, step
     lit = p.outside is Outside.LIT
     made[39] = math.inf if lit else -math.inf
@@ -74,7 +77,7 @@ def launched(
     defines: dict[str, int | float | str] = {
         "KIND": kind, "POSITION": int(pointed(where)), "NORMALS": int("normal" in inputs),
         "PARALLEL": int(p.light_extent is not None), "TERMS": int(p.map_kind is not MapKind.PLANAR),
-        "BITS": (1 + stored.window) if stored.bits else 0,
+        "BITS": list(Store).index(stored.kind),
     }  # fmt: skip
     out_of = left_out(inputs, p.effect, 1, height, width)
     receivers = aligned(where.pixels if pointed(where) else where.pixels[..., :1])

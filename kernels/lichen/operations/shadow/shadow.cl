@@ -7,7 +7,7 @@
 //   NORMALS    1 where normals are given
 //   PARALLEL   1 for light without perspective
 //   TERMS      1 where the map holds a window's depth
-//   BITS       0 as stored, 1 linear codes, 2 codes of a window's depth
+//   BITS       0 as stored, 1 linear codes, 2 codes of a window's depth, 3 short floats, 4 of a reversed window's depth
 // `n` holds doubles; shadow_map.py says which.
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -74,7 +74,13 @@ FN double8 depths(light_map map, double8 i, double8 j, double8 *step)
     m = below <= 0.0 ? (double8)(INFINITY) : n[33] / below;
 #endif
     *step = ZERO;
-#if BITS
+#if BITS > 2
+    double8 shown = BITS == 3 ? m : (n[36] / m - n[37]) / n[38], large = shown * n[30], short_one = large - (large - shown);
+    short_one = isinf(shown) ? shown : short_one;
+    double8 kept = BITS == 3 ? short_one : n[36] / (n[37] + n[38] * short_one);
+    *step = fabs(BITS == 3 ? kept : kept * (kept / n[36]) * (n[38] * short_one)) * n[31];
+    m = isinf(m) ? m : kept;
+#elif BITS
     double near = n[36], far = n[37], unit = n[38];
     double8 held = m < near ? (double8)(near) : (m > far ? (double8)(far) : m), made;
 #if BITS == 1

@@ -5,10 +5,11 @@ Truth: every point is looked up in the light's map, which `light_eye` to `light_
 quantum; `lichen.operations.shadow.comparing` derives what a slope and a filter add to that from the receiver's normal,
 so there is no bias to set. Without normals, `slope` says which receivers must not shadow themselves.
 
-    filter 0     the nearest texel pcf          the mean of the comparisons over a square of `filter` texels, every
-    texel by its share of it pcss         the same over a square as wide as the penumbra of what was found to stand
-    before the receiver, in a square
-                 of `filter` texels, in which it also ends: the `source`'s width times (1 / blocker - 1 / receiver)
+    filter 0     the nearest texel
+    pcf          the mean of the comparisons over a square of `filter` texels, every texel by its share of it
+    pcss         the same over a square as wide as the penumbra of what was found to stand before the receiver, in a
+                 square of `filter` texels, in which it also ends: the `source`'s width times (1 / blocker - 1 /
+                 receiver)
     variance     Chebyshev's bound on the share of depths in the square that lie behind the receiver
 
 1 is light and 0 shadow. Points are positions in any axes, with the light in the same, or a camera's depths, with the
@@ -20,8 +21,8 @@ Shares are computed in doubles, in one order, and rounded to float32 once: that 
 
 Methods: `exact` does as the definition does and errs by nothing; `sampled` compares with some texels of the square
 only; `linear` and `window` take the map as stored in few bits, as frame buffers once had them: of depth itself, or of a
-window's depth. Of an edge that moves the error is the whole light, so all that can be said of these is that, and how
-far they are off as a rule.
+window's depth; `float` and `reversed` as stored in floats of few bits, as buffers have them now. Of an edge that moves
+the error is the whole light, so all that can be said of these is that, and how far they are off as a rule.
 
 Sources: L. Williams, Casting curved shadows on curved surfaces, SIGGRAPH 1978; W. Reeves, D. Salesin and R. Cook,
 Rendering antialiased shadows with depth maps, SIGGRAPH 1987; W. Heidrich, High-quality shading and lighting,
@@ -60,7 +61,7 @@ from lichen.operations.shadow.cases import CASES, EXAMPLES
 from lichen.operations.shadow.comparing import Map, receivers, share
 from lichen.operations.shadow.launch import launched
 from lichen.operations.shadow.parameters import Kind, Parameters, check
-from lichen.operations.shadow.storing import Stored
+from lichen.operations.shadow.storing import Store, Stored
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -198,53 +199,56 @@ def _bits_unfit(p: Parameters, facts: InputFacts) -> str | None:
 
 
 BITS = Knob("bits", (8, 12, 16, 24), "of a stored depth", 4, 32)
+DIGITS = Knob("digits", (8, 11, 16, 24), "significant bits of a stored depth: 11 as float16 has, 24 as float32", 4, 40)
 
 
 def _few_bits(p: Parameters, knob: float, facts: InputFacts) -> Error:
     return Error(1.0, "bound", ROUNDING, 2.0 ** (-round(knob) / 2))
 
 
-@shadow.method(
-    "linear",
-    knob=BITS,
-    error=_few_bits,
-    work=_work,
-    rates={"opencl": Rate(3e-4, 1.1e-9), "numpy": Rate(1e-3, 5e-8)},
-    unfit=_bits_unfit,
+def _stored(name: str, kind: Store, text: str, step: float, *, floats: bool = False) -> None:
+    """Declares the method of a map that is kept in few bits."""
+
+    class Body:
+        @staticmethod
+        def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
+            if not device.has_fp64:
+                return Body.numpy(inputs, p, knob)
+            return launched(device, inputs, p, Stored(kind, round(knob)))
+
+        @staticmethod
+        def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
+            stored = Stored(kind, round(knob))
+            return _by_rows(inputs, p, lambda rows: share(inputs, p, rows, stored))
+
+    Body.__doc__ = text
+    shadow.method(
+        name,
+        knob=DIGITS if floats else BITS,
+        error=_few_bits,
+        work=_work,
+        rates={"opencl": Rate(3e-4, step), "numpy": Rate(1e-3, 6e-8)},
+        unfit=(lambda p, facts: None) if floats else _bits_unfit,
+    )(Body)
+
+
+_stored(
+    "linear", Store.LINEAR, "The map stored as whole numbers that are linear in depth; its step counts as bias.", 1.1e-9
 )
-class Linear:
-    """The map stored as whole numbers that are linear in depth; its step counts as bias."""
-
-    @staticmethod
-    def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        if not device.has_fp64:
-            return Linear.numpy(inputs, p, knob)
-        return launched(device, inputs, p, Stored(round(knob)))
-
-    @staticmethod
-    def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        stored = Stored(round(knob))
-        return _by_rows(inputs, p, lambda rows: share(inputs, p, rows, stored))
-
-
-@shadow.method(
+_stored(
     "window",
-    knob=BITS,
-    error=_few_bits,
-    work=_work,
-    rates={"opencl": Rate(3e-4, 1.3e-9), "numpy": Rate(1e-3, 6e-8)},
-    unfit=_bits_unfit,
+    Store.WINDOW,
+    "The map stored as whole numbers of a window's depth, finer near the light; their step counts as bias.",
+    1.3e-9,
 )
-class Window:
-    """The map stored as whole numbers of a window's depth, finer near the light; their step counts as bias."""
-
-    @staticmethod
-    def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        if not device.has_fp64:
-            return Window.numpy(inputs, p, knob)
-        return launched(device, inputs, p, Stored(round(knob), window=True))
-
-    @staticmethod
-    def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        stored = Stored(round(knob), window=True)
-        return _by_rows(inputs, p, lambda rows: share(inputs, p, rows, stored))
+_stored(
+    "float", Store.FLOAT, "The map stored as floats of so many significant bits; their spacing counts as bias.", 1.2e-9,
+    floats=True,
+)  # fmt: skip
+_stored(
+    "reversed",
+    Store.REVERSED,
+    "The map stored as floats of a reversed window's depth, 1 near and 0 far; their spacing counts as bias.",
+    1.5e-9,
+    floats=True,
+)

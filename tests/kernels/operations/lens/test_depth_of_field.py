@@ -49,6 +49,44 @@ def test_a_point_of_light_shows_the_aperture(backend: str) -> None:
 
 
 @BOTH
+def test_layers_are_convolutions_and_lie_over_each_other(backend: str) -> None:
+    """One layer is a convolution of all there is; of two, what is near covers what is far, and light does not leak."""
+    image = RNG.random((40, 70, 3)).astype(np.float32)
+    flat = {"depth": np.full((40, 70, 1), 3.0, np.float32), "blur": 4.5, "device": backend, "method": "layered"}
+    found = lichen.run("depth_of_field", image, **flat, layers=4).image.pixels
+    held = ndimage.correlate(np.ones((40, 70)), disc(3.0), mode="constant")
+    for c in range(3):
+        expected = ndimage.correlate(image[..., c].astype(np.float64), disc(3.0), mode="constant") / held
+        assert np.abs(found[..., c] - expected).max() < 2e-6
+    near = np.arange(70) < 35
+    stripes = np.broadcast_to(np.where(near, 0.0, 1e4)[:, None], (40, 70, 1)).astype(np.float32)
+    depth = np.broadcast_to(np.where(near, 1.0, 1e6)[:, None], (40, 70, 1)).astype(np.float32)
+    sharp = lichen.run("depth_of_field", stripes, **{**flat, "depth": depth}, layers=2).image.pixels
+    assert not sharp[:, :35].any()
+    in_front = lichen.run("depth_of_field", stripes, **{**flat, "depth": depth}, focus=1e6, layers=2).image.pixels
+    assert in_front[20, 60, 0] == 1e4
+    assert 0 < in_front[20, 36, 0] < 1e4
+
+
+@BOTH
+def test_views_of_a_slanted_plane_come_near_to_the_definition(backend: str) -> None:
+    y, x = np.mgrid[0:48, 0:64]
+    image = (0.5 + 0.5 * np.sin(x / 3) * np.cos(y / 4))[..., None].astype(np.float32)
+    depth = (1 / (0.4 + 0.02 * x))[..., None].astype(np.float32)
+    given = {"depth": depth, "blur": 6.0, "largest": 6.0}
+    truth = lichen.evaluate_truth("depth_of_field", image, **given)
+    apart = []
+    for method, knob in (("light_field", "views"), ("layered", "layers")):
+        rough, fine = (
+            lichen.run("depth_of_field", image, **given, device=backend, method=method, **{knob: each})
+            for each in (2, 32)
+        )
+        apart += [np.sqrt(np.mean((each.image.pixels - truth)[8:-8, 8:-8] ** 2)) for each in (rough, fine)]
+    assert apart[1] < 0.5 * apart[0]
+    assert max(apart[2:]) < 0.05 * np.ptp(image)
+
+
+@BOTH
 def test_what_is_near_spreads_over_what_is_in_focus_behind_it(backend: str) -> None:
     near = np.arange(40) < 20
     image = np.broadcast_to(near[None, :, None], (9, 40, 1)).astype(np.float32)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import lichen
 from lichen.errors import InvalidRequest
@@ -114,6 +115,60 @@ def test_a_projector_shows_its_slide() -> None:
     found = lichen.evaluate_truth("lighting", **images, lights=[lamp], **WHITE)
     cosine = 2 / np.sqrt(x * x + y * y + 4)
     assert np.allclose(found, slide * cosine[..., None], atol=2e-6)
+
+
+SLAB: dict[str, Any] = {
+    "kind": "slab", "position": [0.2, 0.1, 0.3], "direction": [0.2, -0.1, -1], "size": [0.8, 0.5], "cells": [3, 2],
+    "fov": 60, "aspect": 1.25, "intensity": 2, "colour": [1, 0.5, 0.25],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("distance", [None, 1.5])
+def test_a_slab_sums_micro_lights(distance: float | None) -> None:
+    """Against the sum over the cells of a light field of four dimensions, written out (equation 7.4)."""
+    rng = np.random.default_rng(4)
+    field = rng.random((2, 3, 5, 4)).astype(np.float32)  # v, u, t, s
+    sheet = field.transpose(0, 2, 1, 3).reshape(10, 12, 1)
+    places = rng.uniform([-1, -1, -2], [1, 1, -0.5], (40, 3))
+    images = {**plane(*map(tuple, places)), "slab": sheet}
+    found = truth(images, {**SLAB, "distance": distance})
+    places = images["position"][0].astype(float)
+    ahead = np.array(SLAB["direction"]) / np.linalg.norm(SLAB["direction"])
+    right = np.cross(ahead, [0, 1, 0])
+    right /= np.linalg.norm(right)
+    up, tangent = np.cross(right, ahead), np.tan(np.radians(30))
+    width, height = SLAB["size"]
+    square = width * height / (6 * np.pi)
+    framed = np.pad(field, ((0, 0), (0, 0), (1, 1), (1, 1)))
+    expected = np.zeros(len(places))
+    for v in range(2):
+        for u in range(3):
+            x, y = ((u + 0.5) / 3 - 0.5) * width, (0.5 - (v + 0.5) / 2) * height
+            way = places - (np.array(SLAB["position"]) + x * right + y * up)
+            depth = way @ ahead
+            moved = (0, 0) if distance is None else (x / distance, y / distance)
+            s = 0.5 + (way @ right / depth + moved[0]) / (2 * tangent * 1.25)
+            t = 0.5 - (way @ up / depth + moved[1]) / (2 * tangent)
+            seen = ndimage.map_coordinates(
+                framed[v, u].astype(float), [t * 5 + 0.5, s * 4 + 0.5], order=1, mode="grid-constant"
+            )
+            far = np.linalg.norm(way, axis=1)
+            facing, leaving = np.maximum(-way[:, 2] / far, 0), np.maximum(depth / far, 0)
+            shares = far / np.sqrt(far**2 + square) / (far**2 + square)
+            expected += seen * shares * facing * leaving / 6 * (depth > 0)
+    assert np.count_nonzero(expected) > 20
+    assert np.allclose(found, np.outer(expected * 2, SLAB["colour"]), rtol=1e-6, atol=1e-9)
+
+
+def test_an_even_slab_is_an_area() -> None:
+    images = plane((0.3, 0.2, -0.9), (-0.2, 0.1, -0.7))
+    alike = {"size": [0.8, 0.4], "intensity": 3}
+    slab = {"kind": "slab", "cells": [6, 3], "fov": 160, **alike}
+    found = truth({**images, "slab": np.ones((6, 12, 1), np.float32)}, slab)
+    assert np.allclose(found, truth(images, {"kind": "area", "samples": 18, **alike}), rtol=1e-9)
+    few = lichen.run("lighting", **images, lights=[slab], **WHITE, method="sparse", share=1 / 9, device="numpy")
+    assert np.allclose(few.image.pixels[0], truth(images, {**slab, "lit": [2, 1]}), rtol=1e-5)
+    assert np.abs(few.image.pixels[0] - found).max() <= few.error.value
 
 
 def test_lamps_add_up_and_are_seen_as_far_as_visibility_says() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,29 @@ def test_few_bits_move_shadows_and_many_do_not() -> None:
     assert wrong["linear", 8] > 0.001
     assert wrong["linear", 16] <= wrong["linear", 12] <= wrong["linear", 8]
     assert wrong["linear", 24] == wrong["window", 24] == 0
+
+
+@pytest.mark.parametrize("device", ["opencl", "numpy"])
+@pytest.mark.parametrize("far", [None, 300.0])
+def test_floats_tell_depths_apart_by_their_share(far: float | None, device: str) -> None:
+    """Things a fiftieth of the way above what they shade, near the light and far from it: 5 digits do not tell them
+    apart, 8 do, wherever they are; whole numbers of 8 bits only far enough apart."""
+    depth = np.array([0.2, 1, 5, 20, 100], np.float32)
+    points = np.stack([0 * depth, 0 * depth, -depth], axis=-1)
+    light = {"light_eye": [0, 0, 0], "light_target": [0, 0, -1], "light_near": 0.1, "slope": 0, "device": device}
+    ends: dict[str, Any] = {**light, "light_far": far}
+
+    def shares(**wish: Any) -> list[float]:
+        return [
+            lichen.run("shadow", np.full((1, 1, 1), z * 0.98), depth=at[None, None], **ends, **wish).image.pixels.item()
+            for z, at in zip(depth, points, strict=True)
+        ]
+
+    for method in ("float", "reversed"):
+        assert shares(method=method, digits=5) == [1] * 5
+        assert shares(method=method, digits=8) == [0] * 5
+    if far is not None:
+        assert shares(method="linear", bits=8) == [1, 1, 1, 1, 0]
 
 
 def test_flaws_are_named_together() -> None:
