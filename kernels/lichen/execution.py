@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from lichen.accuracy.precision import Precision, stored
+from lichen.accuracy.precision import Precision, kept
 from lichen.errors import LichenError
 from lichen.image import Image, Storage
 from lichen.memory import Array, aligned, aligned_empty
@@ -161,7 +161,7 @@ def walk(
     graph: Graph, sources: Mapping[str, Image], compute: Compute, observe: Observe = lambda *seen: None
 ) -> dict[str, Image]:
     """Run the nodes in order and return the outputs. Values are dropped after their last reader."""
-    values = {name: _kept(image, graph.precision) for name, image in sources.items()}
+    values = {name: kept(image, graph.precision) for name, image in sources.items()}
     known = graph.facts()
     last = last_readers(graph)
     for node in graph.running():
@@ -176,7 +176,7 @@ def walk(
             model.metadata if model else {},
             facts.pages,
         )
-        values[node.name] = _kept(made, graph.precision)
+        values[node.name] = kept(made, graph.precision)
         del inputs, model, made
         for source in {node.name, *node.inputs.values()}:
             if last.get(source) == node.name:
@@ -185,8 +185,3 @@ def walk(
         seen = {key: values[source] for key, source in node.inputs.items()}
         observe(node, seen, next(iter(seen.values())).pixels)
     return {name: values[output.source] for name, output in graph.outputs.items()}
-
-
-def _kept(image: Image, precision: Precision) -> Image:
-    """The image as it comes back from the store; itself where nothing is lost, with what is known of it."""
-    return image if precision.lossless else image.replace(pixels=stored(image.pixels, precision))

@@ -12,6 +12,7 @@ still meets the target.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -114,13 +115,25 @@ def _by_time(offer: Candidate) -> tuple[float, float]:
 
 
 def _searched(problem: Problem, choices: Choices, measure: Measure) -> Choices:
+    limits = _limits(problem)
     for names in sorted(_alike(problem), key=lambda names: -choices[names[0]].seconds):
+        limit = min(limits.get(name, math.inf) for name in names)
         for offer in sorted(problem.usable[names[0]], key=_by_time):
+            if share(measure(offer.error), limit) > 1:
+                continue  # what arrives beside only adds
             trial = {**choices, **dict.fromkeys(names, offer)}
             if problem.excess(trial, measure) <= 1:
                 choices = trial
                 break
     return choices
+
+
+def _limits(problem: Problem) -> dict[str, float]:
+    """The error allowed to what comes out, by the name of the node that makes it."""
+    limits: dict[str, float] = {}
+    for name, output in problem.graph.outputs.items():
+        limits[output.source] = min(limits.get(output.source, math.inf), problem.targets[name])
+    return limits
 
 
 def _alike(problem: Problem) -> list[list[str]]:

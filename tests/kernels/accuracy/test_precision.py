@@ -20,13 +20,14 @@ from lichen.accuracy.precision import (
     PRECISIONS,
     Precision,
     keeping,
+    kept,
     stored,
     storing_error,
     visible_storing_error,
 )
 from lichen.errors import InvalidRequest
 from lichen.execution import by_definition, computed, exact, walk
-from lichen.image import Alpha, Extent, Image, as_image
+from lichen.image import Alpha, Extent, Image, Space, as_image
 from lichen.operation import Facts
 from lichen.planning.graph import RESULT, Graph, Node, Request
 from lichen.planning.plan import make_plan
@@ -47,17 +48,17 @@ def test_fixed_point_is_the_nearest_code_with_ties_to_even(precision: Precision)
     assert (np.rint(exactly * levels) == codes).all()
     assert np.abs(exactly - codes / levels).max() < 1e-15
     between = (codes[:-1] + 0.5) / levels
-    kept = np.rint(stored(between, precision) * levels)
+    codes = np.rint(stored(between, precision) * levels)
     ties = (between * levels) % 1 == 0.5
     assert ties.sum() > 100
-    assert (kept[ties] % 2 == 0).all()
+    assert (codes[ties] % 2 == 0).all()
 
 
 def test_half_floats_are_rounded_and_saturate() -> None:
     values = np.float32([1 + 2**-11, 1 + 3 * 2**-11, 65519, 65520, 1e30, -1e30, 2**-25, 1.5 * 2**-24])
-    kept = stored(values, Precision.FLOAT16)
-    assert kept.tolist() == [1, 1 + 2**-9, HALF_MAX, HALF_MAX, HALF_MAX, -HALF_MAX, 0, 2**-23]
-    assert kept.dtype == np.float32
+    halves = stored(values, Precision.FLOAT16)
+    assert halves.tolist() == [1, 1 + 2**-9, HALF_MAX, HALF_MAX, HALF_MAX, -HALF_MAX, 0, 2**-23]
+    assert halves.dtype == np.float32
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -81,15 +82,31 @@ def test_the_error_of_storing_is_bounded_and_reached(precision: Precision, span:
     values = np.random.default_rng(1).uniform(low, high, 200_000).astype(np.float32)
     values = np.append(values, np.float32([low, high]))
     extent = Extent(float(values.min()), float(values.max()), 0)
-    kept = stored(values, precision)
-    error = float(np.abs(kept.astype(np.float64) - values).max())
+    found = stored(values, precision)
+    error = float(np.abs(found.astype(np.float64) - values).max())
     bound = storing_error(extent, precision)
     assert error <= bound
     if precision in LOSSY and high > 1e-3:
         assert error > 0.45 * bound
-    known = keeping(Facts(1, values.size, 1, extent=extent), precision).extent
-    assert known.low <= kept.min()
-    assert kept.max() <= known.high
+    known = keeping(Facts(1, values.size, 1, Space.LINEAR, extent=extent), precision).extent
+    assert known.low <= found.min()
+    assert found.max() <= known.high
+
+
+@pytest.mark.parametrize("precision", FIXED)
+def test_data_are_kept_with_a_bias_and_a_scale(precision: Precision) -> None:
+    """Vectors keep both signs, and depths what lies beyond 1; pictures are clipped, as frame buffers clip them."""
+    vectors = as_image(np.random.default_rng(1).uniform(-1, 3, (40, 40, 2)).astype(np.float32))
+    result = kept(vectors, precision).pixels
+    bound = visible_storing_error(Facts.of(vectors), precision)
+    assert 0.45 * bound < np.abs(result.astype(np.float64) - vectors.pixels).max() <= bound
+    assert bound == pytest.approx(2 / precision.levels, rel=0.01)
+    np.testing.assert_array_equal(kept(vectors.replace(pixels=result), precision).pixels, result)
+    picture = vectors.replace(space=Space.LINEAR)
+    assert (kept(picture, precision).pixels.min(), kept(picture, precision).pixels.max()) == (0, 1)
+    assert visible_storing_error(Facts.of(picture), precision) > 0.9 + 1
+    inside = as_image(np.float32([[0.2, 0.7]]))
+    np.testing.assert_array_equal(kept(inside, precision).pixels, stored(inside.pixels, precision))
 
 
 @pytest.mark.parametrize("precision", LOSSY)

@@ -173,10 +173,16 @@ def separated(taps: Matrix, tolerance: float) -> tuple[list[tuple[Matrix, Matrix
     """The fewest products of a column and a row that sum to `taps` but for `tolerance` of its l1 norm; what is left.
 
     The singular value decomposition is best in the l2 norm; what it leaves is measured in the l1 norm all the same.
+    Asked for twice before anything is computed, for the error and for the work, answers are kept: none may be changed.
     """
-    down, values, across = np.linalg.svd(taps, full_matrices=False)
-    allowed = tolerance * np.abs(taps).sum()
-    left, terms = taps.copy(), []
+    return _separated(taps.tobytes(), taps.shape, tolerance)
+
+
+@lru_cache(64)
+def _separated(taps: bytes, shape: tuple[int, int], tolerance: float) -> tuple[list[tuple[Matrix, Matrix]], Matrix]:
+    down, values, across = _decomposed(taps, shape)
+    left = np.frombuffer(taps).reshape(shape).copy()
+    allowed, terms = tolerance * np.abs(left).sum(), []
     for k, value in enumerate(values):
         if np.abs(left).sum() <= allowed or value <= 1e-14 * values[0]:
             break
@@ -185,6 +191,13 @@ def separated(taps: Matrix, tolerance: float) -> tuple[list[tuple[Matrix, Matrix
         left -= term[0] * term[1]
         terms.append(term)
     return terms, left
+
+
+@lru_cache(16)
+def _decomposed(taps: bytes, shape: tuple[int, int]) -> tuple[Matrix, Matrix, Matrix]:
+    """Singular vectors and values."""
+    down, values, across = np.linalg.svd(np.frombuffer(taps).reshape(shape), full_matrices=False)
+    return down, values, across
 
 
 def _cleaned(vector: Matrix) -> Matrix:
