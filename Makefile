@@ -64,7 +64,7 @@ soak: $(VENV)/.development ## serve for SECONDS, resting PAUSE between requests,
 	@$(BIN)/python tests/service/soak.py --seconds $(SECONDS) --pause $(PAUSE)
 
 batch-soak: $(VENV)/.development ## kill a batch of 500 items KILLS times, and show that nothing is lost or done twice
-	@$(BIN)/python tests/clients/batch_soak.py --kills $(KILLS)
+	@$(BIN)/python tests/clients/batch_soak.py --kills $(KILLS) $(ARGS)
 
 bench: $(VENV)/.development ## measure speed and error beside the peers
 	@set -e; for script in $(or $(ARGS),tests/benchmarks/bench_*.py); do $(BIN)/python $$script; done

@@ -1,9 +1,11 @@
 """What the ways in cost: the Python client over a raw socket, batches by their engines, tiles by their memory.
 
-    python tests/benchmarks/bench_clients.py client|batch|dask|tiles ...      (all of them without a name)
+    python tests/benchmarks/bench_clients.py imports|client|machine|batch|loopback|dask|tiles ...   (or all of them)
 
 The client and the socket ask one service for the same, by turns, and their medians are compared. Batches are of photos
-that are blurred: one process, two, a service on loopback, and a cluster whose items take 50 ms by themselves.
+that are blurred: one process, two, a service on loopback, and a cluster whose items take 50 ms by themselves. Kernels
+of every process that does items run on one thread, in the runs that are compared with one another: on a machine of
+two processors one process would otherwise use both of them.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -32,32 +35,48 @@ PHOTOS = int(os.environ.get("LICHEN_PHOTOS", "1000"))
 ROUNDS = 200
 
 
+ALONE = dict.fromkeys(("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OPENCV_FOR_THREADS_NUM"), "1")
+"""Lets kernels and codecs of a process run on one thread."""
+
+
 @contextlib.contextmanager
-def served(*flags: str) -> Iterator[str]:
+def served(*flags: str, processes: int = 1, environment: dict[str, str] | None = None) -> Iterator[str]:
     """The address of a service that is warm."""
     with tempfile.TemporaryDirectory() as data:
         process = subprocess.Popen(
-            [sys.executable, "-m", "lichen_service", "--port", "0", "--workers", "1", *flags],
-            env={**os.environ, "LICHEN_DATA": data, "LICHEN_CALIBRATE": "off"},
+            [sys.executable, "-m", "lichen_service", "--port", "0", "--workers", str(processes), *flags],
+            env={**os.environ, "LICHEN_DATA": data, "LICHEN_CALIBRATE": "off", **(environment or {})},
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
+            stderr=subprocess.STDOUT,
             text=True,
         )
         try:
             assert process.stdout is not None
-            found = re.search(r"http://\S+", process.stdout.readline())
-            assert found
-            time.sleep(12.0)  # until every kernel is built
+            said = ""
+            while len(re.findall(r"\bwarm\b", said)) < processes:  # every kernel is built
+                said += process.stdout.readline()
+                assert process.poll() is None, said
+            found = re.search(r"http://[\w.:]+", said)
+            assert found, said
+            threading.Thread(target=process.stdout.read, daemon=True).start()
             yield found[0]
         finally:
             process.send_signal(signal.SIGTERM)
             process.wait(30)
 
 
-def client() -> None:
+def imports() -> None:
+    """Of compiled modules, as an installation leaves them."""
     code = "import time; began = time.perf_counter(); import lichen_client; print(time.perf_counter() - began)"
-    imports = [float(subprocess.check_output([sys.executable, "-c", code])) for _ in range(9)]
-    print(f"import lichen_client: {statistics.median(imports) * 1e3:.0f} ms", flush=True)
+    with tempfile.TemporaryDirectory() as compiled:
+        environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+        environment["PYTHONPYCACHEPREFIX"] = compiled
+        command = [sys.executable, "-c", code]
+        times = [float(subprocess.check_output(command, env=environment)) for _ in range(10)][1:]
+    print(f"import lichen_client: {statistics.median(times) * 1e3:.0f} ms", flush=True)
+
+
+def client() -> None:
     pixels = np.random.default_rng(1).random((296, 296, 3), np.float32)  # 1.05 MB
     with served("--cache", "0") as url, Client(url) as asking:
         port = int(url.rpartition(":")[2])
@@ -100,7 +119,7 @@ def _ask(raw: socket.socket, request: bytes, room: bytearray) -> memoryview:
     return view[:at]
 
 
-def photos(folder: Path, count: int, height: int = 480, width: int = 640) -> None:
+def photos(folder: Path, count: int, height: int = 320, width: int = 480) -> None:
     chance = np.random.default_rng(2)
     for at in range(8):
         rough = chance.random((height // 16, width // 16, 3), np.float32)
@@ -129,17 +148,65 @@ def batch_of(folder: Path, *further: str) -> float:
     return (count - begun) / ((last or time.monotonic()) - first)
 
 
+def bare(folder: Path, processes: int, seconds: float = 6.0) -> float:
+    """Items a second that so many processes compute without a batch around them: what this machine can give."""
+    code = f"""
+import sys, time
+from lichen_client import Client
+client, photo = Client(local=True), open({str(folder / "0.jpg")!r}, "rb").read()
+client.run("gaussian", photo, sigma=4, format="jpeg")
+print("ready", flush=True); sys.stdin.readline()
+count, until = 0, time.monotonic() + {seconds}
+while time.monotonic() < until:
+    client.run("gaussian", photo, sigma=4, format="jpeg"); count += 1
+print(count, flush=True)
+"""
+    environment = {**os.environ, **ALONE, "MALLOC_ARENA_MAX": "2"}
+    command, pipe = [sys.executable, "-c", code], subprocess.PIPE
+    running = [subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) for _ in range(processes)]
+    pipes = [(each.stdin, each.stdout) for each in running if each.stdin and each.stdout]
+    for _, said in pipes:
+        said.readline()
+    for asking, _ in pipes:
+        asking.write("go\n")
+        asking.flush()
+    count = sum(int(said.readline()) for _, said in pipes)
+    for each in running:
+        each.communicate()
+    return count / seconds
+
+
+def machine() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        photos(Path(name), 8)
+        one, two = bare(Path(name), 1), bare(Path(name), 2)
+        print(f"without a batch, a thread each: {one:.1f}/s by one process, {two:.1f}/s by two, {two / one:.2f} times")
+
+
 def batch() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         photos(folder, PHOTOS)
-        one, two = batch_of(folder, "--workers", "1"), batch_of(folder, "--workers", "2")
+        one, two = (batch_of(folder, "--workers", count, "--threads", "1") for count in "12")
         print(
-            f"{PHOTOS} photos here: {one:.1f}/s by one process, {two:.1f}/s by two, {two / one:.2f} times", flush=True
+            f"{PHOTOS} photos here, a thread each: {one:.1f}/s by one process, {two:.1f}/s by two, "
+            f"{two / one:.2f} times",
+            flush=True,
         )
-        with served("--threads", "2", "--cache", "0") as url:
+
+
+def loopback() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        photos(folder, PHOTOS)
+        with served("--threads", "2", "--cache", "0", processes=2, environment=ALONE) as url:
             there = batch_of(folder, "--url", url, "--workers", "2")
-        print(f"{PHOTOS} photos over loopback: {there:.1f}/s, {there / two:.2f} of two processes here", flush=True)
+        here = batch_of(folder, "--workers", "2", "--threads", "1")
+        print(
+            f"{PHOTOS} photos over loopback, by two processes there: {there:.1f}/s, {there / here:.2f} of {here:.1f}/s "
+            "by two here",
+            flush=True,
+        )
 
 
 def dask() -> None:
@@ -207,9 +274,10 @@ def tiles() -> None:
 
 
 def main(names: list[str]) -> None:
-    parts: dict[str, Callable[[], None]] = {"client": client, "batch": batch, "dask": dask, "tiles": tiles}
-    for name in names or parts:
-        parts[name]()
+    parts: tuple[Callable[[], None], ...] = (imports, client, machine, batch, loopback, dask, tiles)
+    for part in parts:
+        if not names or part.__name__ in names:
+            part()
 
 
 if __name__ == "__main__":

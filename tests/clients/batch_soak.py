@@ -1,9 +1,11 @@
 """Kills a batch again and again, resumes it each time, and shows that nothing was lost and nothing was done twice.
 
     .venv/bin/python tests/clients/batch_soak.py --items 500 --kills 100
+    .venv/bin/python tests/clients/batch_soak.py --folder soak --seconds 150      again and again, until all is told
 
 Kills are SIGKILL at random moments, to the command or to one of the processes that do its items. At the end every item
-must have one line in the journal, and every output the bytes that a run without kills gives it.
+must have one line in the journal, and every output the bytes that a run without kills gives it. A batch in a `--folder`
+of its own can be left after so many seconds and gone on with later.
 """
 
 from __future__ import annotations
@@ -31,41 +33,66 @@ def main() -> int:
     parser.add_argument("--items", type=int, default=500)
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--folder", help="where the batch lies, to be gone on with (default: a new one)")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="to leave it after")
     given = parser.parse_args()
     os.environ.setdefault("LICHEN_DEVICE", "numpy")
-    draws = random.Random(given.seed)
     with tempfile.TemporaryDirectory() as folder:
-        manifest, out = _manifest(Path(folder), given.items), Path(folder) / "out"
-        kills = Counter[str]()
-        began = time.monotonic()
-        while sum(kills.values()) < given.kills:
-            process = _start(manifest, out)
-            known = len(_lines(out))
-            wanted = known + draws.randint(0, max(1, 2 * given.items // max(given.kills, 1)))
-            while process.poll() is None and len(_lines(out)) < wanted:
-                time.sleep(0.002)
-            time.sleep(draws.uniform(0, 0.02))
-            hands = _children(process.pid)
-            if hands and draws.random() < 0.2:
-                _kill(draws.choice(hands))
-                kills["of a process that does items"] += 1
-            else:
-                kills["of the command"] += process.poll() is None
-                process.kill()
-            if len(_lines(out)) >= given.items - 2:  # nothing is left to be killed at: begin anew
-                process.wait()
-                break
-            process.kill()
-            process.wait()
-        last = _start(manifest, out)
-        last.wait()
-        wrong = _compare(Path(folder), out, given.items)
-        told = {"items": given.items, "kills": dict(kills), "seconds": round(time.monotonic() - began, 1), **wrong}
-        print(json.dumps({**told, "status": last.returncode}))
-        return 0 if last.returncode == 0 and not any(wrong.values()) else 1
+        return _soak(Path(given.folder or folder), given)
 
 
-def _manifest(folder: Path, count: int) -> Path:
+def _soak(folder: Path, given: argparse.Namespace) -> int:
+    began = time.monotonic()
+    tally = folder / "kills.json"
+    if not tally.exists():
+        _manifest(folder, given.items)
+        _keep(tally, {"command": 0, "hand": 0, "seconds": 0.0})
+    told = json.loads(tally.read_text())
+    before, draws = told["seconds"], random.Random(f"{given.seed} {told}")
+    manifest, out = folder / "items.jsonl", folder / "out"
+    per_kill = max(1, 2 * given.items // max(given.kills, 1))
+    while (killed := told["command"] + told["hand"]) < given.kills:
+        if time.monotonic() - began > given.seconds:
+            print(json.dumps({**told, "done": len(_lines(out))}))
+            return 0
+        if len(_lines(out)) >= given.items - 2:
+            sys.exit(f"the batch has ended after {killed} kills: more items are wanted")
+        victim = _kill_once(manifest, out, draws, per_kill)
+        told[victim] += victim in told
+        told["seconds"] = round(before + time.monotonic() - began, 1)
+        _keep(tally, told)
+    last = _start(manifest, out)
+    last.wait()
+    wrong = _compare(folder, out, given.items)
+    print(json.dumps({"items": given.items, "kills": told, **wrong, "status": last.returncode}))
+    return 0 if last.returncode == 0 and not any(wrong.values()) else 1
+
+
+def _keep(tally: Path, told: dict[str, Any]) -> None:
+    tally.write_text(json.dumps(told))
+
+
+def _kill_once(manifest: Path, out: Path, draws: random.Random, per_kill: int) -> str:
+    """Starts the batch, kills it or one of its processes when it has done some more items; returns which."""
+    process = _start(manifest, out)
+    wanted = len(_lines(out)) + draws.randint(0, per_kill)
+    while process.poll() is None and len(_lines(out)) < wanted:
+        time.sleep(0.002)
+    time.sleep(draws.uniform(0, 0.02))
+    hands = _children(process.pid)
+    victim = "nobody"
+    if hands and draws.random() < 0.2:
+        _kill(draws.choice(hands))
+        victim = "hand"
+    elif process.poll() is None:
+        victim = "command"
+    process.kill()
+    process.wait()
+    return victim
+
+
+def _manifest(folder: Path, count: int) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
     path = folder / "items.jsonl"
     lines = []
     for number in range(count):
@@ -73,7 +100,6 @@ def _manifest(folder: Path, count: int) -> Path:
         line = {"id": str(number), "operation": "gaussian", "input": f"{number}.npy", "output": f"{number}.tif"}
         lines.append(json.dumps({**line, "parameters": {"sigma": 1 + number % 7}}))
     path.write_text("\n".join(lines))
-    return path
 
 
 def _start(manifest: Path, out: Path) -> subprocess.Popen[bytes]:

@@ -50,9 +50,11 @@ def npy(array: np.ndarray) -> bytes:
     return file.getvalue()
 
 
-@pytest.fixture(params=["blocking", "asynchronous"])
-def call(request: pytest.FixtureRequest, server: Any) -> Call:
+@pytest.fixture(params=["blocking", "through httpx2", "asynchronous"])
+def call(request: pytest.FixtureRequest, server: Any, monkeypatch: pytest.MonkeyPatch) -> Call:
     """call(method, *arguments, options={}, **values): one call of a fresh client of either kind."""
+    if request.param == "through httpx2":  # as where the address asks for more than plain sockets
+        monkeypatch.setattr("lichen_client.client.direct", lambda url: False)
 
     def blocking(method: str, *arguments: Any, options: dict[str, Any] | None = None, **values: Any) -> Any:
         with Client(server.url, **{"retries": QUICK, **(options or {})}) as client:
@@ -65,7 +67,7 @@ def call(request: pytest.FixtureRequest, server: Any) -> Call:
 
         return asyncio.run(once())
 
-    return blocking if request.param == "blocking" else asynchronous
+    return asynchronous if request.param == "asynchronous" else blocking
 
 
 # -------------------------------------------------------------------------------------------------------- the package

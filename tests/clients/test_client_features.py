@@ -100,6 +100,14 @@ def test_the_engine_here_answers_as_the_library_does(local: Client, image: np.nd
         local.run("gausian", image)
 
 
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "float16", "float32", "float64"])
+def test_an_array_comes_back_in_the_type_it_was_sent_in(local: Client, kind: str) -> None:
+    image = (np.arange(60).reshape(4, 5, 3) * (np.iinfo(kind).max // 60 if kind[0] == "u" else 1 / 60)).astype(kind)
+    made = local.saturation(image, amount=1.0, device="numpy").array
+    assert made.dtype == image.dtype
+    np.testing.assert_array_equal(made, image)
+
+
 def test_findings_and_maps_come_beside_pixels(local: Client, image: np.ndarray) -> None:
     assert local.find("statistics", image)["channels"]
     result = local.statistics(image)
@@ -120,6 +128,8 @@ def test_pipelines_and_stored_images_work_here_too(local: Client, image: np.ndar
     assert (results["soft"].media_type, results["hard"].array.shape) == ("image/png", (21, 34, 3))
     html = results._repr_html_()
     assert html.count("<img") == 2
+    assert (results["soft"]._repr_png_() or b"").startswith(b"\x89PNG")
+    assert (p._repr_html_() or "").count("<rect ") == 5, "a picture read, two operations, two outputs"
     again = local.lic(np.ones((21, 34, 2), np.float32), texture=kept, length=2.0)
     assert again.array.shape[:2] == (21, 34)
 
@@ -252,10 +262,29 @@ def test_other_options_share_the_connections(server: Any, answer: Any) -> None:
 
 def test_a_raw_answer_is_what_came_refusals_too(server: Any, answer: Any) -> None:
     server.script = [answer(422, [("X-A", "b")], b"no")]
+
+    async def awaited() -> Any:
+        async with AsyncClient(server.url, key="secret") as client:
+            raw = client.with_raw_response
+            return [
+                await each
+                for each in (
+                    raw.run("gaussian", b"x", sigma=1),
+                    raw.run_pipeline("levels", b"x"),
+                    raw.render({"a": 1}),
+                    raw.get("v1", "limits"),
+                )
+            ]
+
     with Client(server.url, key="secret") as client:
-        reply = client.with_raw_response.run("gaussian", b"x", sigma=1)
-    assert (reply.status, reply.headers["x-a"], bytes(reply.body)) == (422, "b", b"no")
-    assert server.received[0].headers["authorization"] == "Bearer secret"
+        raw = client.with_raw_response
+        replies = [raw.run("gaussian", b"x", sigma=1), raw.run_pipeline("levels", b"x"), raw.render({"a": 1})]
+        replies.append(raw.get("v1", "limits"))
+    for reply in (*replies, *asyncio.run(awaited())):
+        assert (reply.status, reply.headers["x-a"], bytes(reply.body)) == (422, "b", b"no")
+    targets = [each.target for each in server.received]
+    assert targets[:4] == targets[4:]
+    assert {each.headers["authorization"] for each in server.received} == {"Bearer secret"}
 
 
 # ------------------------------------------------------------------------------------------------------------ the jobs

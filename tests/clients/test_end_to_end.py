@@ -79,6 +79,8 @@ def test_the_service_gives_the_librarys_own_bytes(client: Client, image: np.ndar
     expected = lichen.run("gaussian", image, sigma=2.5, method="fir", device="numpy")
     np.testing.assert_array_equal(result.array, expected.image.pixels)
     assert result.array.dtype == np.float32
+    with Client(local=True) as here:
+        assert here.run("gaussian", image, sigma=2.5, method="fir", device="numpy").content == result.content
     report = result.report
     assert (report.method, report.device, report.nonfinite) == (expected.method, "numpy", 0)
     assert report.error is not None

@@ -94,7 +94,7 @@ def test_a_call_is_a_form_with_the_pipeline_and_its_pictures() -> None:
     assert call.accept.startswith("multipart/mixed, application/x-npy")
     assert parse_qs(urlsplit(call.target).query) == {"max_error": ["0.5"]}
     text = pipeline_call("gaussian:sigma=1", None, None, {}, format="png", explain=True)
-    assert (text.parts[0].content, text.accept) == (b"gaussian:sigma=1", "application/json")
+    assert (text.parts[0].pieces, text.accept) == ((b"gaussian:sigma=1",), "application/json")
 
 
 def test_an_answer_is_taken_apart() -> None:

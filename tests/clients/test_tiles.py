@@ -74,8 +74,12 @@ def test_tiles_give_the_pixels_of_the_whole(
     image = Image(scene, Space.LINEAR, storage=Storage.FLOAT32)
     expected = lichen.run_pipeline(text, image, device=device)["result"]
     target = str(tmp_path / "out.zarr")
-    account = tiles.run(document(text), {"image": store}, target, wishes={"device": device})
+    told: list[tuple[int, int]] = []
+    account = tiles.run(
+        document(text), {"image": store}, target, wishes={"device": device}, tell=lambda *at: told.append(at)
+    )
     assert account["tiles"] == 6
+    assert told == [(done, 6) for done in range(7)]
     assert account["method"] == expected.method
     made = zarr.open_array(target, mode="r")
     assert (made.metadata.zarr_format, dict(made.attrs)["space"]) == (3, "linear")

@@ -23,6 +23,8 @@ from lichen_batch import exr
 
 TIFF_TILE = 256
 """Pixels; side of the tiles of a TIFF."""
+PIECE = 1024
+"""Pixels; side of what is read at a time where chunks are smaller."""
 LARGE_TIFF = 1 << 31
 """Bytes from which a TIFF needs 64-bit offsets, with room for what is not pixels."""
 
@@ -43,9 +45,30 @@ class Raster:
         return (*shape, 1) if len(shape) == 2 else shape
 
     def read(self, top: int, left: int, height: int, width: int) -> Array:
-        """A part as it is stored, of three dimensions."""
-        part = np.asarray(self.array[top : top + height, left : left + width])
+        """A part as it is stored, of three dimensions.
+
+        Zarr holds all chunks that it reads at once; so it is asked for few at a time.
+        """
+        chunks = getattr(self.array, "chunks", None)
+        if chunks is None:
+            part = np.asarray(self.array[top : top + height, left : left + width])
+        else:
+            part = np.empty((height, width, *self.array.shape[2:]), self.array.dtype)
+            for rows in _steps(top, height, chunks[0]):
+                for columns in _steps(left, width, chunks[1]):
+                    y, x = (slice(at.start - begin, at.stop - begin) for at, begin in ((rows, top), (columns, left)))
+                    part[y, x] = self.array[rows, columns]
         return part if part.ndim == 3 else part[:, :, np.newaxis]
+
+
+def _steps(start: int, length: int, chunk: int) -> Iterator[slice]:
+    """A range in pieces that end where chunks do: single chunks, or as many as make up `PIECE`."""
+    step = chunk * max(1, PIECE // chunk)
+    at, end = start, start + length
+    while at < end:
+        following = min((at // step + 1) * step, end)
+        yield slice(at, following)
+        at = following
 
 
 def is_tiff(path: str) -> bool:

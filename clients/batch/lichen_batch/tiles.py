@@ -22,7 +22,7 @@ import json
 import os
 import threading
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -42,12 +42,13 @@ from lichen.planning.memory import peak_bytes
 from lichen.planning.plan import Plan
 from lichen_batch import rasters
 from lichen_batch.rasters import Raster
+from lichen_batch.told import Told
 
 SMALLEST, LARGEST = 256, 8192
 """Pixels; side of a tile."""
 WAITING = 60.0
 """Seconds until a cluster that is not there is given up."""
-FIXED = 450 << 20
+FIXED = 320 << 20
 """Bytes that a process holds beside tiles: libraries, compiled kernels, files in transit."""
 
 
@@ -252,7 +253,7 @@ def layout_for(made: Planned, memory: int, workers: int, *, bands: bool) -> Layo
         layout = Layout((height, width, channels), tile, made.reach)
         if made.bytes_of(*layout.read) <= room:
             return layout
-        side //= 2
+        side -= SMALLEST
     smallest = made.bytes_of(
         *Layout((height, width, channels), (SMALLEST, width if bands else SMALLEST), made.reach).read
     )
@@ -270,11 +271,13 @@ def run(
     storage: Storage | None = None,
     wishes: Mapping[str, Any] | None = None,
     engine: str = "local",
+    tell: Callable[[int, int], None] = lambda done, count: None,
 ) -> dict[str, Any]:
     """Computes a pipeline of one output into a TIFF, an EXR or a Zarr array; returns an account.
 
-    `memory` is what the process may hold; with `engine` dask://HOST:PORT, each of that cluster's. Raises
-    `InvalidRequest` for what cannot be computed in tiles, OSError where there is no cluster.
+    `memory` is what the process may hold; with `engine` dask://HOST:PORT, each of that cluster's. `tell` hears how many
+    tiles of how many are written (of a Zarr array that a cluster writes, only when all are). Raises `InvalidRequest`
+    for what cannot be computed in tiles, OSError where there is no cluster.
     """
     import dask.array as da
 
@@ -296,13 +299,14 @@ def run(
         bands = rasters.in_bands(output)
         layout = layout_for(made, memory, 1 if bands and hands.client is None else workers, bands=bands)
         facts = made.result
+        told = Told(len(_parts(facts.height, layout.tile[0])) * len(_parts(facts.width, layout.tile[1])), tell)
         target = Raster(None, facts.space, facts.alpha, kept)
         if bands:
             count = len(_parts(facts.height, layout.tile[0]))
             rows: Iterator[Array] = (made.compute(layout, row, 0, kept) for row in range(count))
             if hands.client is not None:
                 rows = hands.rows(task, layout, kept, count)
-            rasters.write_bands(output, layout.shape, target, rows)
+            rasters.write_bands(output, layout.shape, target, told.each(rows))
         else:
             blocks = da.map_blocks(
                 _block,
@@ -318,13 +322,14 @@ def run(
                 storage=kept,
             )
             with rasters.zarr_target(output, layout.shape, layout.tile, target) as array:
-                da.store(blocks, array, lock=False)
+                da.store(blocks, array if hands.client is not None else told.writing(array), lock=False)
+        told.all()
     return {
         "method": made.plan.method,
         "error": {"value": made.plan.error.value, "kind": made.plan.error.kind},
         "tile": layout.tile,
         "reach": layout.reach,
-        "tiles": len(_parts(facts.height, layout.tile[0])) * len(_parts(facts.width, layout.tile[1])),
+        "tiles": told.count,
         "shape": layout.shape,
         "storage": kept,
     }

@@ -43,14 +43,14 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _words() -> tuple[dict[str, list[str]], dict[str, list[str]]]:
-    """What may follow a command, and the options of a command with its second word."""
+    """What may follow a command, and the options of a command, or of one with its second word."""
     from lichen.catalogue import operations
-    from lichen_cli import batch
+    from lichen_cli import batch, pipeline, scene
     from lichen_cli.options import build
 
     names = list(operations())
     second = {
-        "run": [*names, "--pipeline"],
+        "run": [*names, "--pipeline", "--scene"],
         "operations": [*names, "--json"],
         "accuracy": [*names, "--json"],
         "batch": ["run", "tiles"],
@@ -59,6 +59,9 @@ def _words() -> tuple[dict[str, list[str]], dict[str, list[str]]]:
     }
     options = {f"run {name}": _flags(build(each)) for name, each in operations().items()}
     options["batch run"] = _flags(batch._parser())
+    for name, parser in (("pipeline", pipeline.build()), ("scene", scene.build())):
+        options[name] = options[f"run --{name}"] = _flags(parser)
+    options["compare"] = options["run compare"]
     return second, options
 
 
@@ -67,7 +70,8 @@ def _flags(parser: argparse.ArgumentParser) -> list[str]:
 
 
 def _bash(second: Mapping[str, list[str]], options: Mapping[str, list[str]], *, zsh: bool) -> str:
-    cases = "\n".join(f'        "{key}") words="{" ".join(flags)}" ;;' for key, flags in options.items())
+    patterns = {key: f'"{key}"' if " " in key else f'"{key} "*' for key in options}
+    cases = "\n".join(f'        {patterns[key]}) words="{" ".join(flags)}" ;;' for key, flags in options.items())
     follow = "\n".join(f'               {command}) words="{" ".join(words)}" ;;' for command, words in second.items())
     script = _BASH.replace("@CASES@", cases).replace("@SECOND@", follow).replace("@COMMANDS@", " ".join(COMMANDS))
     return (_ZSH if zsh else "") + script
@@ -81,7 +85,6 @@ def _fish(second: Mapping[str, list[str]], options: Mapping[str, list[str]]) -> 
         condition = f"__fish_seen_subcommand_from {command}; and test (count (commandline -opc)) -eq 2"
         lines.append(f"complete -c lichen -n '{condition}' -a '{' '.join(words)}'")
     for key, flags in options.items():
-        command, name = key.split()
-        condition = f"__fish_seen_subcommand_from {command}; and __fish_seen_subcommand_from {name}"
+        condition = "; and ".join(f"__fish_seen_subcommand_from {word}" for word in key.split())
         lines += [f"complete -c lichen -n '{condition}' -l {flag.removeprefix('--')}" for flag in flags]
     return "\n".join(lines) + "\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,17 @@ def write(path: str, data: bytes) -> None:
         part.replace(target)
     finally:
         part.unlink(missing_ok=True)
+
+
+def named(given: Sequence[str], option: str) -> dict[str, str]:
+    """Files by the names that an option gives them: NAME=FILE."""
+    found = {}
+    for each in given:
+        name, equals, path = each.partition("=")
+        if not equals or not name or not path:
+            raise Usage(f"--{option} takes NAME=FILE (got {each!r})")
+        found[name] = path
+    return found
 
 
 def format_of(path: str) -> str:

@@ -1,4 +1,7 @@
-"""`lichen run --pipeline TEXT IN OUT`: a graph of operations on files, on the same road as a request to the service."""
+"""`lichen pipeline TEXT IN OUT`: a graph of operations on files, on the same road as a request to the service.
+
+`lichen run --pipeline TEXT IN OUT` says the same.
+"""
 
 from __future__ import annotations
 
@@ -34,11 +37,11 @@ def main(arguments: Sequence[str]) -> int:
     from lichen_cli.options import joined
     from lichen_service import queries
 
-    parser = _parser()
-    url, rest = remote.taken(arguments)
+    parser = build()
+    url, rest = remote.taken(_led(arguments))
     given = vars(parser.parse_intermixed_args(joined(rest, parser)))
     text, paths, as_json = given.pop("pipeline"), given.pop("files"), given.pop("json")
-    sources, targets = _named(given.pop("input"), "input"), _named(given.pop("output"), "output")
+    sources, targets = files.named(given.pop("input"), "input"), files.named(given.pop("output"), "output")
     pairs = tuple((name, str(value).lower() if isinstance(value, bool) else value) for name, value in given.items())
     options, _, flaws = queries.read_options(pairs, ())
     pipeline: Pipeline | None = None
@@ -81,12 +84,19 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _parser() -> Parser:
+def _led(arguments: Sequence[str]) -> list[str]:
+    """The command line with the pipeline as an option, where it comes first instead."""
+    if arguments and not arguments[0].startswith("-"):
+        return [f"--pipeline={arguments[0]}", *arguments[1:]]
+    return list(arguments)
+
+
+def build() -> Parser:
     from lichen_cli.options import add_wishes
 
     parser = Parser(
-        prog="lichen run",
-        usage="lichen run --pipeline TEXT IN OUT [options]",
+        prog="lichen pipeline",
+        usage="lichen pipeline TEXT IN OUT [options]",
         description="Runs a graph of operations on image files.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -114,16 +124,6 @@ def _document(pipeline: Pipeline, targets: Mapping[str, str], format: str | None
         if "format" not in outputs[name]:
             outputs[name]["format"] = format or (files.format_of(path) if path != "-" else "png")
     return {"nodes": {name: said(step) for name, step in pipeline.steps.items()}, "outputs": outputs}
-
-
-def _named(given: Sequence[str], option: str) -> dict[str, str]:
-    named = {}
-    for each in given:
-        name, equals, path = each.partition("=")
-        if not equals or not name or not path:
-            raise Usage(f"--{option} takes NAME=FILE (got {each!r})")
-        named[name] = path
-    return named
 
 
 def _distributed(

@@ -1,4 +1,4 @@
-"""How far a batch is, on standard error: a bar with rate, failures and the time that is left."""
+"""How far a batch or a large picture is, on standard error: a bar with rate, failures and the time that is left."""
 
 from __future__ import annotations
 
@@ -43,6 +43,21 @@ def progress(total: int, done: int, account: Account, *, shown: bool) -> Iterato
                 )
 
         yield tell
+
+
+@contextmanager
+def bar(what: str, *, shown: bool) -> Iterator[Callable[[int, int], None]]:
+    """What is to be told how many are done of how many."""
+    if not shown:
+        yield lambda done, count: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (BarColumn(bar_width=None), MofNCompleteColumn(), TextColumn(what + ", left"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as shown_bar:
+        task = shown_bar.add_task("", total=None)
+        yield lambda done, count: shown_bar.update(task, completed=done, total=count)
 
 
 def tell(summary: Mapping[str, Any]) -> None:

@@ -1,10 +1,10 @@
-"""`lichen run ... --url URL`: the same command line, computed by a service."""
+"""`lichen run ... --url URL`: the same command line, computed by a service; and what is told of its answers."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from lichen_cli.main import FAILED, INVALID, Usage
 
 if TYPE_CHECKING:
     from lichen_cli.options import Given
-    from lichen_client import Result
+    from lichen_client import Client, Result
 
 
 def taken(arguments: Sequence[str]) -> tuple[str | None, list[str]]:
@@ -54,7 +54,7 @@ def run(url: str, operation: str, given: Given) -> int:
                 return 0
             result = client.run(operation, images=images, format=format or _own(images), **values)
     except LichenClientError as wrong:
-        return _told(wrong)
+        return told(wrong)
     files.write(given.output, result.content)
     _report(result, given, time.perf_counter() - began)
     return 0
@@ -85,16 +85,16 @@ def run_pipeline(url: str, ask: Ask, sources: Mapping[str, str], targets: Mappin
                 return 0
             results = client.run_pipeline(ask.pipeline, images=images, **ask.wishes)
     except LichenClientError as wrong:
-        return _told(wrong)
+        return told(wrong)
     for name, path in targets.items():
         files.write(path, results[name].content)
     seconds = time.perf_counter() - began
     if ask.json:
-        outputs = {name: _account(results[name], path) for name, path in targets.items()}
+        outputs = {name: account(results[name], path) for name, path in targets.items()}
         files.print_json({"outputs": outputs, "findings": results.findings, "seconds": {"whole": seconds}})
         return 0
     for name in targets:
-        _say(results[name], seconds, "" if len(targets) == 1 else f"{name}: ")
+        say(results[name], seconds, "" if len(targets) == 1 else f"{name}: ")
     return 0
 
 
@@ -107,30 +107,43 @@ def _own(images: Mapping[str, bytes]) -> str:
 
 def _report(result: Result, given: Given, seconds: float) -> None:
     if not given.json:
-        _say(result, seconds)
+        say(result, seconds)
         return
-    told = _account(result, given.output)
+    told = account(result, given.output)
     output = {"path": told.pop("path"), "media_type": told.pop("media_type")}
     more = {"findings": result.findings, "seconds": {**result.report.timing, "whole": seconds}}
     files.print_json({**told, **more, "skipped": result.report.skipped, "output": output})
 
 
-def _account(result: Result, path: str | None) -> dict[str, Any]:
+def account(result: Result, path: str | None) -> dict[str, Any]:
     report = result.report
     error = None if report.error is None else {"value": report.error.value, "kind": report.error.kind}
     told = {"method": report.method, "device": report.device, "error": error, "nonfinite": report.nonfinite}
     return {**told, "path": path, "media_type": result.media_type}
 
 
-def _say(result: Result, seconds: float, before: str = "") -> None:
+def say(result: Result, seconds: float, before: str = "") -> None:
     report = result.report
     stated = f", error at most {report.error.value:.3g} ({report.error.kind})" if report.error else ""
     way = f"({seconds * 1e3:.1f} ms with the way there)"
     print(f"{before}{report.method} on {report.device}{stated} {way}", file=sys.stderr)
 
 
-def _told(wrong: Exception) -> int:
-    """What the service says against it, as the library would say it."""
+def opened(url: str | None) -> Client:
+    """A client of the service at an address, or of the one inside this process, which may take its time."""
+    from lichen_client import Client
+
+    return Client(local=True, timeout=1e9, retries=0) if url is None else Client(url)
+
+
+def place(pointer: str) -> str:
+    """What a pointer of the service's speaks of, as the command line calls it."""
+    name = pointer.rpartition("/")[2]
+    return name if "/inputs/" in pointer else "--" + name.replace("_", "-")
+
+
+def told(wrong: Exception, place: Callable[[str], str] = place) -> int:
+    """Prints what the service says against it, as the library would say it; returns the exit status."""
     from lichen_client import StatusError
 
     if not isinstance(wrong, StatusError):
@@ -138,8 +151,5 @@ def _told(wrong: Exception) -> int:
         return FAILED
     print(f"lichen: {wrong.detail or wrong.title or wrong}", file=sys.stderr)
     for flaw in wrong.errors:
-        name = flaw.pointer.rpartition("/")[2]
-        print(
-            f"  {name if '/inputs/' in flaw.pointer else '--' + name.replace('_', '-')}: {flaw.detail}", file=sys.stderr
-        )
+        print(f"  {place(flaw.pointer)}: {flaw.detail}", file=sys.stderr)
     return INVALID if 400 <= wrong.status < 500 else FAILED

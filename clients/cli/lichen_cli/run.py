@@ -9,6 +9,7 @@ they go to OUT instead of the picture.
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -26,18 +27,18 @@ if TYPE_CHECKING:
 
 _HELP = """usage: lichen run OPERATION IN OUT [options]
        lichen run --pipeline TEXT IN OUT [options]
+       lichen run --scene FILE OUT [options]
 
-Runs an operation, or a pipeline of them, on image files. `lichen operations`
+Runs an operation, a pipeline of them or a scene on files. `lichen operations`
 lists the operations, `lichen run OPERATION --help` the options of one. A file
 called - is standard input or output. With --url URL a service computes.
 """
 
 
 def main(arguments: Sequence[str]) -> int:
-    if any(each == "--pipeline" or each.startswith("--pipeline=") for each in arguments):
-        from lichen_cli import pipeline
-
-        return pipeline.main(arguments)
+    for name in ("pipeline", "scene"):
+        if any(each == f"--{name}" or each.startswith(f"--{name}=") for each in arguments):
+            return int(importlib.import_module(f"lichen_cli.{name}").main(arguments))
     if not arguments or arguments[0].startswith("-"):
         if arguments and arguments[0] not in ("-h", "--help"):
             raise Usage("the name of an operation comes first; see lichen run --help")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Sequence
 from typing import Any
 
 from lichen_cli.main import Parser, Usage
+from lichen_cli.progress import bar
 from lichen_cli.sizes import bytes_of
 
 _WISHES = ("max_error", "max_ms", "device", "nonfinite", "space", "alpha", "storage", "prune", "precision")
@@ -32,6 +34,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--memory", default="2GiB", metavar="SIZE", help="what the process may hold (2GiB)")
     parser.add_argument("--engine", default="local", metavar="ENGINE", help="local, or a cluster: dask://HOST:PORT")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="tiles at a time (2)")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
     given = parser.parse_args(arguments)
     values, further = _pairs(given.set, "set"), _pairs(given.further, "input")
     if (given.operation is None) == (given.pipeline is None):
@@ -48,16 +51,19 @@ def main(arguments: Sequence[str]) -> int:
         raise Usage("this reads no picture")
     inputs = {names[0]: given.input, **further}
     began = time.perf_counter()
-    account = tiles.run(
-        pipeline,
-        inputs,
-        given.output,
-        memory=bytes_of(given.memory),
-        workers=given.workers,
-        storage=_storage(wishes),
-        wishes=wishes,
-        engine=given.engine,
-    )
+    storage = _storage(wishes)
+    with bar("tiles", shown=not given.quiet and sys.stderr.isatty()) as tell:
+        account = tiles.run(
+            pipeline,
+            inputs,
+            given.output,
+            memory=bytes_of(given.memory),
+            workers=given.workers,
+            storage=storage,
+            wishes=wishes,
+            engine=given.engine,
+            tell=tell,
+        )
     print(json.dumps({**account, "seconds": round(time.perf_counter() - began, 3), "peak_bytes": _peak()}))
     return 0
 

@@ -12,6 +12,7 @@ from lichen_client import calls, jobs
 from lichen_client.calls import Asset, Call
 from lichen_client.errors import ConnectionFailed, TimedOut
 from lichen_client.operations import Operations
+from lichen_client.raw import Raw
 from lichen_client.results import Result, Results
 from lichen_client.retry import Reply, Wait, conversation
 from lichen_client.transport import Transport, failures, reply_of
@@ -194,6 +195,11 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
     async def version(self) -> dict[str, Any]:
         """As `Client.version`."""
         return await self._document(calls.get_call("v1", "version"))
+
+    @property
+    def with_raw_response(self) -> Raw[Coroutine[Any, Any, Reply]]:
+        """As `Client.with_raw_response`."""
+        return Raw(self._converse)
 
     async def close(self) -> None:
         if self._shared:

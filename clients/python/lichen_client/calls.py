@@ -26,7 +26,7 @@ from urllib.parse import quote, urlencode, urlsplit
 
 from lichen_client.errors import ConnectionFailed, status_error
 from lichen_client.npy import MEDIA_TYPE as NPY
-from lichen_client.npy import to_npy
+from lichen_client.npy import npy_pieces
 from lichen_client.operations import FIRST_INPUTS
 from lichen_client.pipeline import Pipeline, document_of
 from lichen_client.results import MIXED, Result, Results, is_mixed, parts_of
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         "npt.ArrayLike | str | os.PathLike[str] | bytes | bytearray | memoryview | Pillow.Image | Asset | None"
     )
 
+Bytes: TypeAlias = bytes | memoryview
 DEFAULT_URL = "http://127.0.0.1:8080"
 _FIRST = "image"
 _UNTOLD = "application/octet-stream"
@@ -51,10 +52,10 @@ _UNTOLD = "application/octet-stream"
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One encoded image."""
+    """One encoded image, in the pieces in which it lies in memory."""
 
     name: str
-    content: bytes = field(repr=False)
+    pieces: tuple[Bytes, ...] = field(repr=False)
     media_type: str
 
 
@@ -84,26 +85,26 @@ class Call:
         media_type = self.body[0]
         return {"Accept": self.accept, **({"Content-Type": media_type} if media_type else {}), **self.further}
 
-    @property
+    @cached_property
     def content(self) -> bytes | None:
-        return self.body[1] if self.parts else None
+        return b"".join(self.body[1]) if self.parts else None
 
     @cached_property
-    def body(self) -> tuple[str, bytes]:
-        """Media type and bytes: one image under the name that needs no form as it is, all others as a form."""
+    def body(self) -> tuple[str, tuple[Bytes, ...]]:
+        """Media type and pieces: one image under the name that needs no form as it is, all others as a form."""
         if not self.parts:
-            return "", b""
+            return "", ()
         if len(self.parts) == 1 and self.parts[0].name == _FIRST:
-            return self.parts[0].media_type, self.parts[0].content
+            return self.parts[0].media_type, self.parts[0].pieces
         boundary = os.urandom(16).hex()
-        pieces: list[bytes] = []
+        pieces: list[Bytes] = []
         for part in self.parts:
             name = quote(part.name, safe=" !#$&'()*+,/:;<=>?@[]^`{|}~")
             head = (
                 f'Content-Disposition: form-data; name="{name}"; filename="{name}"\r\nContent-Type: {part.media_type}'
             )
-            pieces += [f"--{boundary}\r\n{head}\r\n\r\n".encode(), part.content, b"\r\n"]
-        return f"multipart/form-data; boundary={boundary}", b"".join([*pieces, f"--{boundary}--\r\n".encode()])
+            pieces += [f"--{boundary}\r\n{head}\r\n\r\n".encode(), *part.pieces, b"\r\n"]
+        return f"multipart/form-data; boundary={boundary}", (*pieces, f"--{boundary}--\r\n".encode())
 
 
 def base_url(given: str | None) -> str:
@@ -159,7 +160,7 @@ def pipeline_call(
     """The request that runs (or only explains) a pipeline, or a scene: a form of it and its pictures."""
     sent, kept = _sent(_together(image, images or {}), _FIRST)
     said = document_of(pipeline).encode()
-    parts = (Part(kind, said, "application/json"), *sent)
+    parts = (Part(kind, (said,), "application/json"), *sent)
     asked = {name: as_text(value) for name, value in wishes.items() if value is not None}
     wanted = {} if format is None else {"format": format}
     query = urlencode({**asked, **kept, **wanted, **({"explain": "true"} if explain else {})}, quote_via=quote)
@@ -304,14 +305,14 @@ def _is_pillow(value: Any) -> bool:
 
 def _part(name: str, value: Any) -> Part:
     if isinstance(value, bytes | bytearray | memoryview):
-        return Part(name, bytes(value), _UNTOLD)
+        return Part(name, (bytes(value),), _UNTOLD)
     if isinstance(value, str | os.PathLike):
-        return Part(name, Path(value).read_bytes(), _UNTOLD)
+        return Part(name, (Path(value).read_bytes(),), _UNTOLD)
     if _is_pillow(value) and value.mode in _AS_PNG:
         file = io.BytesIO()
         value.save(file, "PNG", compress_level=1, icc_profile=value.info.get("icc_profile"))
-        return Part(name, file.getvalue(), "image/png")
-    return Part(name, to_npy(value), NPY)
+        return Part(name, (file.getvalue(),), "image/png")
+    return Part(name, npy_pieces(value), NPY)
 
 
 _AS_PNG = frozenset({"1", "L", "LA", "P", "RGB", "RGBA", "I;16"})

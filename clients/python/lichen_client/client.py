@@ -11,9 +11,10 @@ from lichen_client import calls, jobs
 from lichen_client.calls import Asset, Call
 from lichen_client.errors import ConnectionFailed, TimedOut
 from lichen_client.operations import Operations
+from lichen_client.raw import Raw
 from lichen_client.results import Result, Results
 from lichen_client.retry import Reply, Wait, conversation
-from lichen_client.transport import Transport, failures, reply_of
+from lichen_client.transport import CONNECT_TIMEOUT, Transport, direct, failures, left_of, reply_of
 
 if TYPE_CHECKING:
     from lichen_client.calls import ImageLike
@@ -36,6 +37,11 @@ class Client(Transport, Operations[Result]):
     """
 
     def _open(self) -> None:
+        if direct(self.url):
+            from lichen_client.lanes import Lanes
+
+            self._lanes = Lanes(self.url, self._connections, CONNECT_TIMEOUT)
+            return
         import httpx2
 
         self._http = httpx2.Client(**self._arguments())
@@ -217,17 +223,14 @@ class Client(Transport, Operations[Result]):
         return self._document(calls.get_call("v1", "version"))
 
     @property
-    def with_raw_response(self) -> Raw:
+    def with_raw_response(self) -> Raw[Reply]:
         """The same calls, answered with status, header fields and bytes as they came, refusals too."""
-        return Raw(self)
+        return Raw(self._converse)
 
     def close(self) -> None:
         if self._shared:
             return
-        if self._inside is not None:
-            self._inside.close()
-        else:
-            self._http.close()
+        (self._inside or self._lanes or self._http).close()
 
     def __enter__(self) -> Self:
         return self
@@ -262,6 +265,11 @@ class Client(Transport, Operations[Result]):
     def _send(self, call: Call, deadline: float) -> Reply:
         if self._inside is not None:
             return self._answer_here(call, deadline)
+        if self._lanes is not None:
+            with failures(call, self.url):
+                headers = {**self._headers, **call.headers, **left_of(deadline)}
+                pieces = call.body[1] if call.parts else None
+                return self._lanes.exchange(call.method, call.target, headers, pieces, deadline)
         body = bytearray()
         with failures(call, self.url), self._http.stream(**self._request(call, deadline)) as response:
             for piece in response.iter_bytes():
@@ -312,41 +320,3 @@ class Job:
         """Gives it up, or, where it has ended, lets the service forget it."""
         reply = self._client._converse(calls.delete_call("v1", "jobs", self.id))
         calls.require_success(reply)
-
-
-class Raw:
-    """`Client.with_raw_response`."""
-
-    def __init__(self, client: Client) -> None:
-        self._client = client
-
-    def run(
-        self,
-        operation: str,
-        image: ImageLike = None,
-        /,
-        *,
-        images: Mapping[str, ImageLike] | None = None,
-        format: str | None = None,
-        **values: Any,
-    ) -> Reply:
-        """As `Client.run`."""
-        call = calls.run_call(operation, image, values, images=images, format=format, accept="*/*")
-        return self._client._converse(call)
-
-    def run_pipeline(
-        self,
-        pipeline: Pipeline | Mapping[str, Any] | str,
-        image: ImageLike = None,
-        /,
-        *,
-        images: Mapping[str, ImageLike] | None = None,
-        format: str | None = None,
-        **wishes: Any,
-    ) -> Reply:
-        """As `Client.run_pipeline`."""
-        return self._client._converse(calls.pipeline_call(pipeline, image, images, wishes, format=format))
-
-    def get(self, *path: str) -> Reply:
-        """What lies at a path: `get("v1", "limits")`."""
-        return self._client._converse(calls.get_call(*path))

@@ -138,6 +138,10 @@ class Pipeline:
         """What a notebook shows."""
         return self.to_svg() if self.nodes or self.outputs else None
 
+    def _repr_html_(self) -> str | None:
+        """The same for what shows HTML alone."""
+        return self._repr_svg_()
+
     def _shown(self, name: str) -> tuple[str, str, str, list[str]]:
         """Kind, two lines of text and sources of a box."""
         if name.startswith(_PREFIX):

@@ -1,16 +1,20 @@
 """What the blocking and the asynchronous client share around a socket.
 
-httpx2 is imported when a client is made, not with the package, and appears in no public signature.
+httpx2 is imported when a client is made that needs it (see `direct`), not with the package, and appears in no public
+signature.
 """
 
 from __future__ import annotations
 
 import copy
 import importlib
+import os
+import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import urlsplit
 
 from lichen_client import calls
 from lichen_client.calls import Call
@@ -20,6 +24,8 @@ from lichen_client.version import __version__
 
 if TYPE_CHECKING:
     import httpx2
+
+    from lichen_client.lanes import Lanes
 
 CONNECT_TIMEOUT = 5.0
 """Seconds. A host that is there answers a connection at once; waiting longer only hides that it is not."""
@@ -59,6 +65,7 @@ class Transport:
         self._connections = connections
         self._shared = False
         self._inside: Any = None
+        self._lanes: Lanes | None = None
         if local:
             self._inside = _opened(memory)
         else:
@@ -100,7 +107,7 @@ class Transport:
         return {
             "method": call.method,
             "url": self.url + call.target,
-            "headers": {**self._headers, **call.headers, "Request-Timeout": str(max(1, int(min(left, 1e6) * 1e3)))},
+            "headers": {**self._headers, **call.headers, **left_of(deadline)},
             "content": call.content,
             "timeout": httpx2.Timeout(left, connect=min(left, CONNECT_TIMEOUT)),
         }
@@ -122,18 +129,44 @@ def _opened(memory: int | None) -> Any:
     return inside.open_inside(memory=memory)
 
 
+def direct(url: str) -> bool:
+    """Whether a service can be reached over sockets of our own (see `lanes`): no TLS, no proxy, nobody's name."""
+    split = urlsplit(url)
+    proxied = any(os.environ.get(name) for each in ("http_proxy", "all_proxy") for name in (each, each.upper()))
+    return split.scheme == "http" and split.netloc.isascii() and "@" not in split.netloc and not proxied
+
+
+def left_of(deadline: float) -> dict[str, str]:
+    """The header field that tells the service how many milliseconds are left."""
+    left = max(deadline - time.monotonic(), 1e-3)
+    return {"Request-Timeout": str(int(min(left, 1e6) * 1e3))}
+
+
 @contextmanager
 def failures(call: Call, url: str) -> Iterator[None]:
     """Turns the transport's errors into ours."""
-    import httpx2
-
     try:
         yield
-    except (TimeoutError, httpx2.TimeoutException) as late:
+    except TimeoutError as late:
         raise TimedOut(f"{url} did not answer in time") from late
-    except (httpx2.RequestError, httpx2.InvalidURL) as failure:
+    except Exception as failure:
+        kind = _kind_of(failure)
+        if kind is None:
+            raise
+        if kind is TimedOut:
+            raise TimedOut(f"{url} did not answer in time") from failure
         reason = str(failure) or type(failure).__name__
         raise ConnectionFailed(f"{call.method} {url}: {reason}") from failure
+
+
+def _kind_of(failure: Exception) -> type[ConnectionFailed] | None:
+    """What an error of either road is to a caller; None where it is none of the wire's."""
+    ours, theirs = sys.modules.get("http.client"), sys.modules.get("httpx2")  # what was not imported raised nothing
+    if theirs is not None and isinstance(failure, theirs.TimeoutException):
+        return TimedOut
+    lost = isinstance(failure, OSError) or (ours is not None and isinstance(failure, ours.HTTPException))
+    lost |= theirs is not None and isinstance(failure, theirs.RequestError | theirs.InvalidURL)
+    return ConnectionFailed if lost else None
 
 
 def reply_of(response: httpx2.Response, body: bytearray) -> Reply:
