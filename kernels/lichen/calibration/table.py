@@ -16,6 +16,11 @@ from pathlib import Path
 
 NAME = "errors.json"
 DIGITS = 3
+SHARE = 0.1
+"""Of a figure, by which it may differ when it is found again."""
+LAST = 2.0**-23
+"""The last digit of float32 at the scale of errors, 1: another processor may round it otherwise, and so move the
+largest error by as much, and an RMS error by half."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +57,18 @@ class Entry:
 
     @property
     def holds(self) -> bool:
-        return self.largest <= self.stated and not self.mismatched
+        """Whether it keeps what is stated. A store may make nothing of a small depth, which then has no finite result:
+        such samples are counted, and no error is stated for them."""
+        return self.largest <= self.stated and not (self.mismatched and self.precision == "float32")
+
+    def drift(self, found: Entry) -> list[str]:
+        """In words, which figures `found` does not confirm: off by more than a share and a last digit, either way."""
+        said = []
+        for figure, digit in (("largest", LAST), ("typical_rms", LAST / 2)):
+            old, new = getattr(self, figure), getattr(found, figure)
+            if abs(new - old) > SHARE * old + digit:
+                said.append(f"{found.method} at {found.knob}, {found.precision}: {figure} was {old:.3g}, is {new:.3g}")
+        return said
 
 
 @dataclass(frozen=True)
