@@ -1,8 +1,8 @@
 """Measures what accuracy costs, for every operation, and writes this folder: a plot and a paragraph for each.
 
-Run: make accuracy, or python docs/accuracy/make.py [--full] [--size N]. Without --full our own errors come from the
-table that comes with the library; all times and all peers are measured here and now, on a machine that should have
-nothing else to do.
+Run: make accuracy, or python docs/accuracy/make.py [NAME ...] [--full] [--size N]. Without --full our own errors come
+from the table that comes with the library; all times and all peers are measured here and now, on a machine that should
+have nothing else to do. With names only those operations are measured; the index tells of all whose numbers lie here.
 """
 
 from __future__ import annotations
@@ -11,16 +11,19 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import lichen
 from lichen.calibration.drawing import to_png, to_svg
 from lichen.calibration.gather import SIZE, measured
 from lichen.calibration.plot import plot
-from lichen.calibration.report import Report, Setting, milliseconds, scientific
+from lichen.calibration.report import Report, label_of, milliseconds, scientific
 from lichen_service.documents import plain
 
 HERE = Path(__file__).resolve().parent
+FORMS = ("svg", "png", "json")
 INTRODUCTION = """# What accuracy costs
 
 Written by `make accuracy`. Each plot shows one operation: error across, falling to the right, so that a step to the
@@ -37,60 +40,77 @@ What keeping values in 8, 12 or 16 bits costs, whatever is computed: [precision]
 
 
 def main() -> None:
+    known = lichen.operations()
     parser = argparse.ArgumentParser(description="Measure what accuracy costs and write docs/accuracy.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="operations; all")
     parser.add_argument("--full", action="store_true", help="compute our own errors again, and time more often")
     parser.add_argument("--size", type=int, default=SIZE, help="side of the image that is timed, px")
     given = parser.parse_args()
-    sections: list[tuple[int, str]] = []
-    for name, operation in lichen.operations().items():
-        began = time.perf_counter()
-        report = measured(operation, size=given.size, quick=not given.full)
+    if unknown := set(given.names) - set(known):
+        parser.error(f"there is no operation {', '.join(sorted(unknown))}")
+    began = time.perf_counter()
+    for name in given.names or known:
+        start = time.perf_counter()
+        report = measured(known[name], size=given.size, quick=not given.full)
         write(report)
-        sections.append((len(report.ours), section(report)))
-        print(f"{name}: {report.headline} ({time.perf_counter() - began:.0f} s)", file=sys.stderr)
-    # Those with the most to choose from come first.
-    ordered = [text for _, text in sorted(sections, key=lambda each: -each[0])]
-    (HERE / "index.md").write_text("\n".join([INTRODUCTION, *ordered]), encoding="utf-8")
+        print(f"{name}: {report.headline} ({time.perf_counter() - start:.1f} s)", file=sys.stderr)
+    (HERE / "index.md").write_text(index(known), encoding="utf-8")
+    print(f"{time.perf_counter() - began:.0f} s", file=sys.stderr)
 
 
 def write(report: Report) -> None:
     """The plot, its preview, and the numbers."""
     drawing = plot(report)
-    (HERE / f"{report.operation}.svg").write_bytes(to_svg(drawing))
-    (HERE / f"{report.operation}.png").write_bytes(to_png(drawing))
-    numbers = json.dumps(plain(report.to_json()), indent=1, ensure_ascii=False)
-    (HERE / f"{report.operation}.json").write_text(numbers + "\n", encoding="utf-8")
+    numbers = json.dumps(plain(report.to_json()), indent=1, ensure_ascii=False) + "\n"
+    for form, data in zip(FORMS, (to_svg(drawing), to_png(drawing), numbers.encode()), strict=True):
+        (HERE / f"{report.operation}.{form}").write_bytes(data)
 
 
-def section(report: Report) -> str:
+def index(known: Sequence[str] | Mapping[str, Any]) -> str:
+    """Of all operations whose numbers lie here, those with the most to choose from first."""
+    documents = [
+        json.loads(path.read_text(encoding="utf-8")) for path in sorted(HERE.glob("*.json")) if path.stem in known
+    ]
+    documents.sort(key=lambda each: -sum(setting["standing"] == "worthwhile" for setting in each["settings"]))
+    overview = ["| operation | what accuracy costs |", "|---|---|"]
+    overview += [f"| [{each['operation']}](#{each['operation']}) | {each['headline']} |" for each in documents]
+    return "\n".join([INTRODUCTION, *overview, "", *(section(each) for each in documents)])
+
+
+def section(numbers: Mapping[str, Any]) -> str:
     """The sentence that the plot tells, worst and typical errors side by side, peers, and where it was measured."""
+    name, title = numbers["operation"], numbers["title"]
+    settings = numbers["settings"]
     rows = ["| setting | time | worst case | typical |", "|---|---:|---:|---:|"]
-    rows += [row(each) for each in report.worthwhile]
-    rows += [row(each) for each in report.settings if each.peer and each.failed is None]
-    told = report.study.sentences if report.study else ()
-    where = f"{report.device}, {report.image}, {', '.join(report.machine.values())}"
+    rows += [row(each) for each in settings if each["standing"] == "worthwhile"]
+    rows += [row(each) for each in settings if each["precision"] == "float64" and each["failed"] is None]
+    rows += [row(each) for each in settings if each["peer"] and each["failed"] is None]
+    told = numbers["study"]["sentences"] if numbers["study"] else ()
+    size = f"{numbers['size']} x {numbers['size']} px"
+    where = f"{numbers['device']}, {size}, {', '.join(numbers['machine'].values())}"
     return "\n".join(
         [
-            f"## {report.title}",
+            f"## {name}",
             "",
-            f"![{report.title}: error against time]({report.operation}.svg)",
+            f"![{title}: error against time]({name}.svg)",
             "",
-            f"{report.headline} {report.remark}".strip(),
+            f"{numbers['headline']} {numbers['remark']}".strip(),
             "",
             *rows,
             "",
             *(f"- {sentence}" for sentence in told),
             *([""] if told else []),
-            f"{where}. {report.source} Again: `{report.command}`. [Numbers]({report.operation}.json),"
-            f" [picture]({report.operation}.png).",
+            f"`{title}`: {where}. {numbers['source']} Again: `{numbers['command']}`. [Numbers]({name}.json),"
+            f" [picture]({name}.png).",
             "",
         ]
     )
 
 
-def row(setting: Setting) -> str:
-    numbers = (milliseconds(setting.seconds), scientific(setting.worst), scientific(setting.typical))
-    return f"| {setting.label} | {' | '.join(numbers)} |"
+def row(setting: Mapping[str, Any]) -> str:
+    name = label_of(setting["method"], setting["knob"], setting["precision"])
+    errors = ("exact" if setting[error] == 0 else scientific(setting[error]) for error in ("worst", "typical"))
+    return f"| {name} | {milliseconds(setting['milliseconds'] / 1e3)} | {' | '.join(errors)} |"
 
 
 if __name__ == "__main__":

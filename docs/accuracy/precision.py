@@ -16,7 +16,7 @@ import numpy as np
 
 import lichen
 from lichen.accuracy.metrics import difference
-from lichen.accuracy.precision import Precision, stored
+from lichen.accuracy.precision import Precision
 from lichen.calibration.chart import Scale
 from lichen.calibration.drawing import Area, Dot, Drawing, Line, Shape, Text, to_png, to_svg
 from lichen.calibration.report import scientific
@@ -45,10 +45,13 @@ def lines() -> dict[Precision, float]:
 
 
 def fog() -> dict[Precision, float]:
-    """The transmittance exp(-4 z) of a stored depth, stored."""
-    depth = np.linspace(0, 1, SIDE * SIDE).reshape(SIDE, SIDE, 1)
-    truth = np.exp(-DENSITY * depth)
-    return {each: difference(stored(np.exp(-DENSITY * stored(depth, each)), each), truth).rms for each in STORES}
+    """White seen through black fog: the transmittance exp(-4 z) of a stored depth, stored."""
+    depth = np.linspace(0, 1, SIDE * SIDE, dtype=np.float32).reshape(SIDE, SIDE, 1)
+    values = {"depth": depth, "kind": "exponential", "density": DENSITY, "colour": 0.0, "method": "exact"}
+    white = np.ones_like(depth)
+    made = {each: lichen.run("fog", white, precision=each, **values).image.pixels for each in STORES}
+    truth = lichen.run("fog", white, **values).image.pixels
+    return {each: difference(pixels, truth).rms for each, pixels in made.items()}
 
 
 def accumulation() -> dict[Precision, list[float]]:

@@ -1,50 +1,60 @@
 """How well plans foretell: errors against what is stated, times against what is predicted, choices against the best.
 
-The machine is calibrated first, quickly, as a service does at its first start. Then:
+Operations are calibrated before they are first asked for, quickly, as a service does at its first start. Each a part by
+itself:
 
-* random requests: any operation, random parameters, sides of 128 to 1536 px, an error asked for or not. Time is that of
-  the kernels at that size; error is taken on the same picture made small enough for truth to be quick;
-* the time it takes to choose, for parameters met before and for new ones;
+* times, errors: random requests: any operation, random parameters, sides of 128 to 1536 px, an error asked for or not.
+  Time is that of the kernels at that size, on a machine that does nothing else; error is taken on the same picture made
+  small enough for truth to be quick;
+* choosing: the time it takes, for parameters met before and for new ones;
 * gaussian at many widths and errors: what is chosen beside the quickest way to compute it that meets the error.
 
-Run: python tests/benchmarks/bench_prediction.py [requests]
+Run: python tests/benchmarks/bench_prediction.py [PART ...] [--count N] [--folder FOLDER] [--seconds S]
+
+In a FOLDER what was found is kept, and the next call goes on behind it; none begins anything after S seconds. So parts
+can be measured in pieces, whenever the machine is at rest. Tables show what is known so far.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
+import math
 import os
 import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
+from pathlib import Path
 from typing import Any
-
-os.environ["LICHEN_TIMES"] = tempfile.mkdtemp(prefix="lichen-times-")
 
 import numpy as np
 from interleaved import medians
 
 import lichen
+from lichen.accuracy import times
 from lichen.accuracy.metrics import difference
-from lichen.calibration.calibrate import Outcome, calibrate
 from lichen.calibration.corpus import cases, picture, typical
 from lichen.calibration.sweep import Setting, backends, settings
-from lichen.calibration.timing import QUICK
+from lichen.calibration.timing import QUICK, Timing
 from lichen.catalogue import operation, operations
 from lichen.errors import InvalidRequest, Unattainable
 from lichen.image import Image, as_image
 from lichen.operation import Facts, Operation
 from lichen.planning.choose import choose
-from lichen.planning.graph import Graph, Node, Request
+from lichen.planning.graph import TRUTH, Graph, Node, Request
 from lichen.planning.light import light
 
 LONGEST = 1.5
 """Predicted seconds of one run at most; longer ones are drawn again."""
-TRUTH = 0.4
+AFFORDABLE = 0.4
 """Seconds that truth may be guessed to take."""
+SIGMAS = (0.5, 1, 2, 4, 7, 10, 15, 25, 50, 100, 200)
+BLUR_ERRORS = (1e-2, 1e-3, 1e-4, 1e-6)
 ERRORS = (None, None, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 """Relative to the magnitude of the input."""
 
@@ -76,14 +86,15 @@ class Asked:
         }
 
     def arguments(self, images: Mapping[str, Image]) -> dict[str, Any]:
-        magnitude = next(iter(images.values())).extent.magnitude or 1.0
+        first = next(iter(images.values()), None)
+        magnitude = (first.extent.magnitude if first else 1.0) or 1.0
         wish = {} if self.relative_error is None else {"max_error": self.relative_error * magnitude}
         return {**images, **self.parameters, **wish, "device": self.device}
 
 
-def drawn(rng: np.random.Generator) -> Iterator[Asked]:
-    """Requests without end."""
-    known = list(operations().values())
+def drawn(number: int) -> Asked:
+    """Request `number`, the same whenever it is asked for, but for those that take too long by the rates of now."""
+    rng, known = np.random.default_rng([2024, number]), list(operations().values())
     while True:
         chosen = known[rng.integers(len(known))]
         parameters = dict(chosen.examples[rng.integers(len(chosen.examples))])
@@ -97,16 +108,17 @@ def drawn(rng: np.random.Generator) -> Iterator[Asked]:
             plan = lichen.explain(chosen.name, **asked.arguments(asked.images(0, 0)))
         except (InvalidRequest, Unattainable):
             continue
-        if plan.seconds <= LONGEST and plan.nodes:
-            yield asked
+        if plan.seconds <= LONGEST and plan.nodes and plan.method != TRUTH:
+            return asked
 
 
-def seconds(asked: Asked) -> tuple[float, float]:
+def seconds(asked: Asked) -> dict[str, Any]:
     """Predicted and measured, of all nodes; the quickest of five runs, as in calibration."""
     arguments = asked.arguments(asked.images(0, 0))
-    predicted = lichen.explain(asked.operation.name, **arguments).seconds
+    plan = lichen.explain(asked.operation.name, **arguments)
     lichen.run(asked.operation.name, **arguments)
-    return predicted, min(lichen.run(asked.operation.name, **arguments).timing["kernel"] for _ in range(5))
+    took = min(lichen.run(asked.operation.name, **arguments).timing["kernel"] for _ in range(5))
+    return {"method": plan.method, "predicted": plan.seconds, "measured": took}
 
 
 def errors(asked: Asked, content: int) -> tuple[float, float, str] | None:
@@ -114,7 +126,7 @@ def errors(asked: Asked, content: int) -> tuple[float, float, str] | None:
     for side in (192, 128, 64, 32, 16):
         images = asked.images(side, content)
         facts = {name: Facts.of(image) for name, image in images.items()}
-        if asked.operation.truth_seconds(asked.validated, facts) <= TRUTH:
+        if asked.operation.truth_seconds(asked.validated, facts) <= AFFORDABLE:
             break
     arguments = asked.arguments(images)
     try:
@@ -127,29 +139,75 @@ def errors(asked: Asked, content: int) -> tuple[float, float, str] | None:
     return result.error.value + allowance, found.largest, result.error.kind
 
 
-def requests(count: int) -> None:
-    rng = np.random.default_rng(2024)
+@dataclass(frozen=True)
+class Kept:
+    """What was found of requests, a line of JSON for each."""
+
+    path: Path
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        return [json.loads(line) for line in self.path.read_text().splitlines()] if self.path.exists() else []
+
+    def fill(self, count: int, until: float, find: Callable[[Asked, int], list[dict[str, Any]]]) -> None:
+        """Rows of all requests below `count` that have none."""
+        known = {row["number"] for row in self.rows}
+        for number in [number for number in range(count) if number not in known]:
+            if time.perf_counter() > until:
+                return
+            asked = drawn(number)
+            about = {"number": number, "operation": asked.operation.name, "device": asked.device}
+            with self.path.open("a") as file:
+                for row in find(asked, number) or [{}]:
+                    file.write(json.dumps(about | row) + "\n")
+
+
+def timed(asked: Asked, number: int) -> list[dict[str, Any]]:
+    calibrated(asked.operation, asked.device)
+    return [seconds(asked)]
+
+
+def calibrated(wanted: Operation[Any], device: str) -> None:
+    """Its rates, as a service would have measured them."""
+    if not any(name == wanted.name for name, _ in times.current(device)):
+        timing = Timing(wanted, device, QUICK)
+        for _ in timing.steps():
+            pass
+        times.store(device, timing.rates())
+
+
+def compared(asked: Asked, number: int) -> list[dict[str, Any]]:
+    """On two pictures."""
+    rows = []
+    for content in (number, number + 1):
+        if outcome := errors(asked, content):
+            stated, found, kind = outcome
+            rows.append({"stated": stated, "found": found, "kind": kind})
+            if found > stated:
+                print(f"exceeded: {asked}: {found:.3g} beyond {stated:.3g} ({kind})", file=sys.stderr)
+    return rows
+
+
+def table_of_times(rows: list[dict[str, Any]]) -> None:
     ratios: dict[str, list[float]] = {}
-    kept = {"bound": [0, 0], "estimate": [0, 0]}
-    for number, asked in zip(range(count), drawn(rng), strict=False):
-        predicted, measured = seconds(asked)
-        ratios.setdefault(f"{asked.operation.name}, {asked.device}", []).append(predicted / measured)
-        for content in (number, number + 1):
-            outcome = errors(asked, content)
-            if outcome:
-                stated, found, kind = outcome
-                kept[kind][0] += found <= stated
-                kept[kind][1] += 1
-                if found > stated:
-                    print(f"exceeded: {asked}: {found:.3g} beyond {stated:.3g} ({kind})", file=sys.stderr)
-    print(f"### {count} random requests\n")
-    print("| operation, device | requests | within 1.5 | median predicted / measured |\n|---|---:|---:|---:|")
+    for row in rows:
+        name = f"{row['operation']}, {row['device']}, {row['method'].partition(';')[0]}"
+        ratios.setdefault(name, []).append(row["predicted"] / row["measured"])
+    print(f"### Times of {len(rows)} random requests\n")
+    print("| operation, device, method | requests | within 1.5 | predicted / measured |\n|---|---:|---:|---:|")
     every = [ratio for each in ratios.values() for ratio in each]
     for name, each in [*sorted(ratios.items()), ("all", every)]:
-        within = sum(1 / 1.5 <= ratio <= 1.5 for ratio in each)
-        print(f"| {name} | {len(each)} | {within / len(each):.0%} | {statistics.median(each):.2f} |")
-    for kind, (held, tried) in kept.items():
-        print(f"\nmeasured error <= stated {kind}: {held} of {tried}")
+        if each:
+            within = sum(1 / 1.5 <= ratio <= 1.5 for ratio in each)
+            print(f"| {name} | {len(each)} | {within / len(each):.0%} | {statistics.median(each):.2f} |")
+
+
+def table_of_errors(rows: list[dict[str, Any]]) -> None:
+    print("\n### Errors of random requests\n")
+    for kind in ("bound", "estimate"):
+        own = [row for row in rows if row.get("kind") == kind]
+        held = sum(row["found"] <= row["stated"] for row in own)
+        print(f"measured error <= stated {kind}: {held} of {len(own)}\n")
 
 
 def choosing() -> None:
@@ -181,27 +239,35 @@ def choosing() -> None:
         print(f"| {chosen.name} | {rows[0]:.0f} | {rows[1]:.0f} |")
 
 
-def best(size: int = 512) -> None:
+def best(path: Path, until: float, size: int = 512) -> None:
     """The blur that is chosen beside the quickest setting that meets the error."""
+    calibrated(operation("gaussian"), backends()[0])
     image = as_image(np.tile(picture("photo", 256), (size // 256, size // 256, 1)))
+    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    known = {(row["sigma"], row["error"]) for row in rows}
+    for sigma, asked in [each for each in product(SIGMAS, BLUR_ERRORS) if each not in known]:
+        if time.perf_counter() > until:
+            break
+        contestants = _contestants(image, sigma, asked)
+        took = medians([partial(_blurred, setting, image, sigma) for setting in contestants], 9) if contestants else []
+        names = [f"{setting.method.name} {setting.knob:g}" for setting in contestants]
+        rows.append({"sigma": sigma, "error": asked, "took": dict(zip(names, took, strict=True))})
+        with path.open("a") as file:
+            file.write(json.dumps(rows[-1]) + "\n")
     print(f"\n### gaussian, {size} x {size} x 3, {backends()[0]}: chosen beside the quickest\n")
     print("| sigma | error | chosen | ms | quickest | ms | chosen / quickest |\n|---:|---:|---|---:|---|---:|---:|")
     ratios = []
-    for sigma in (0.5, 1, 2, 4, 7, 10, 15, 25, 50, 100, 200):
-        for asked in (1e-2, 1e-3, 1e-4, 1e-6):
-            contestants = _contestants(image, sigma, asked)
-            if not contestants:
-                print(f"| {sigma:g} | {asked:g} | none can promise it | | | | |")
-                continue
-            took = medians([partial(_blurred, setting, image, sigma) for setting in contestants], 9)
-            quickest = min(range(len(took)), key=took.__getitem__)
-            ratios.append(took[0] / took[quickest])
-            names = [f"{setting.method.name} {setting.knob:g}" for setting in contestants]
-            print(
-                f"| {sigma:g} | {asked:g} | {names[0]} | {took[0]:.2f} | {names[quickest]} | {took[quickest]:.2f} "
-                f"| {ratios[-1]:.2f} |"
-            )
-    print(f"\nnever slower than {max(ratios):.2f} times the quickest")
+    for row in rows:
+        if not row["took"]:
+            print(f"| {row['sigma']:g} | {row['error']:g} | none can promise it | | | | |")
+            continue
+        chosen, quickest = next(iter(row["took"])), min(row["took"], key=row["took"].__getitem__)
+        ratios.append(row["took"][chosen] / row["took"][quickest])
+        print(
+            f"| {row['sigma']:g} | {row['error']:g} | {chosen} | {row['took'][chosen]:.2f} | {quickest} "
+            f"| {row['took'][quickest]:.2f} | {ratios[-1]:.2f} |"
+        )
+    print(f"\nnever slower than {max(ratios, default=math.nan):.2f} times the quickest")
 
 
 def _contestants(image: Image, sigma: float, asked: float) -> list[Setting]:
@@ -230,11 +296,37 @@ def _blurred(setting: Setting, image: Image, sigma: float) -> object:
     return setting.compute(backends()[0], {"image": image}, parameters)
 
 
+PARTS = ("times", "errors", "choosing", "gaussian")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="How well plans foretell errors and times.")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all")
+    parser.add_argument("--count", type=int, default=200, help="of random requests")
+    parser.add_argument("--folder", type=Path, help="where what was found is kept for the next call")
+    parser.add_argument("--seconds", type=float, default=math.inf, help="after which nothing further is begun")
+    given = parser.parse_args()
+    if unknown := set(given.parts) - set(PARTS):
+        parser.error(f"no part is called {', '.join(unknown)}")
+    with tempfile.TemporaryDirectory(prefix="lichen-") as spare:
+        run(given.parts or PARTS, given.folder or Path(spare), given.count, time.perf_counter() + given.seconds)
+
+
+def run(parts: Sequence[str], folder: Path, count: int, until: float) -> None:
+    os.environ["LICHEN_TIMES"] = str(folder / "times")
+    folder.mkdir(parents=True, exist_ok=True)
+    took, found = Kept(folder / "times.jsonl"), Kept(folder / "errors.jsonl")
+    if "times" in parts:
+        took.fill(count, until, timed)
+        table_of_times(took.rows)
+    if "errors" in parts:
+        found.fill(count, until, compared)
+        table_of_errors(found.rows)
+    if "choosing" in parts:
+        choosing()
+    if "gaussian" in parts:
+        best(folder / "gaussian.jsonl", until)
+
+
 if __name__ == "__main__":
-    began = time.perf_counter()
-    for _ in calibrate(list(operations().values()), backends(), QUICK, Outcome()):
-        pass
-    print(f"Calibrated in {time.perf_counter() - began:.1f} s.\n")
-    requests(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
-    choosing()
-    best()
+    main()

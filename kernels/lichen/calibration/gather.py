@@ -11,8 +11,7 @@ import copy
 import dataclasses
 import math
 import re
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
@@ -20,22 +19,22 @@ import numpy as np
 
 import lichen
 from lichen.accuracy import times
+from lichen.accuracy.precision import Precision
 from lichen.calibration import studies, sweep
 from lichen.calibration.corpus import Case, cases, typical
 from lichen.calibration.peers import peers
 from lichen.calibration.report import Report, Setting
-from lichen.calibration.rivals import FAILURES, MISSING, Rival, brief, entry_of, rivals
+from lichen.calibration.rivals import MISSING, rivals
 from lichen.calibration.table import Entry, load
+from lichen.calibration.turns import FULL, QUICK, Effort, Timed, once, timed
 from lichen.opencl.device import default_device
 from lichen.operation import Facts, InputFacts, Operation, OperationParameters
+from lichen.planning.choose import DOUBLE_ROUNDING
+from lichen.planning.graph import TRUTH
 
 SIZE = 512
 """Side of the image that times are for, unless another is asked for."""
 SIZES = (64, 4096)
-TURN = 0.02
-"""Seconds that a setting may take in each turn: a quick one runs several times, since single calls scatter more."""
-LONGEST = 1.0
-"""Predicted seconds above which a setting is not timed in a quick run but predicted."""
 
 
 @lru_cache(256)
@@ -84,12 +83,9 @@ def predicted(
     for each in sweep.settings(operation):
         rate = rates.get((operation.name, each.method.name), each.method.rates[backend])
         seconds = rate.start + rate.step * each.method.work(parameters, each.knob or 0.0, facts)
-        unfit = each.method.unfit(parameters, facts)
-        entry = entry_of(entries, each)
-        settings.append(_setting(each, seconds, 0.0, entry, unfit or (None if entry else MISSING)))
-    for entry in entries:
-        if entry.precision != sweep.PRECISION and (kept := _kept(settings, entry)):
-            settings.append(_from(entry, kept.seconds, 0.0))
+        settings.append(_setting(each, Timed(seconds, failed=each.method.unfit(parameters, facts)), entries))
+    settings += _variants(settings, entries)
+    settings.append(_doubles(Timed(operation.truth_seconds(parameters, facts))))
     known = any(name == operation.name for name, _ in rates)
     timed = (
         "were measured on this machine" if known else "come with the library; `lichen calibrate` measures this machine"
@@ -100,11 +96,6 @@ def predicted(
     )
     report = _report(operation, number, None, backend, size, settings, source, {})
     return dataclasses.replace(report, command=f"{report.command} --predict")
-
-
-def _kept(settings: Sequence[Setting], entry: Entry) -> Setting | None:
-    """The setting in the working precision that a variant belongs to."""
-    return next((each for each in settings if (each.method, each.knob) == (entry.method, entry.knob)), None)
 
 
 # ----------------------------------------------------------------------------------------------------------- measured
@@ -136,23 +127,25 @@ def measured(
     entries = entries or tuple(sweep.errors(wanted, number))
     side = entries[0].size if entries else sweep.error_size(wanted, parameters)
     case = typical(wanted, parameters, size)
-    others = rivals(wanted, parameters, case, side, backend, entries)
+    others = rivals(wanted, parameters, case, side)
     tell("times")
-    timings = _times(wanted, parameters, case, backend, others, 9 if quick else 21, quick)
-    settings = []
-    for each in sweep.settings(wanted):
-        seconds, spread, failed = timings[_label(each)]
-        entry = entry_of(entries, each)
-        settings.append(_setting(each, seconds, spread, entry, failed or (None if entry else MISSING)))
+    calls = {each.setting.label: each.call for each in others if each.call is not None}
+    effort = QUICK if quick else FULL
+    timings = _times(wanted, parameters, case, backend, calls, effort)
+    guessed = wanted.truth_seconds(parameters, case.facts) > effort.longest / 2
+    settings = [_setting(each, timings[_label(each)], entries) for each in sweep.settings(wanted)]
+    settings += _variants(settings, entries)
+    settings.append(_doubles(timings[TRUTH]))
     for rival in others:
-        seconds, spread, failed = timings[rival.setting.label]
-        wrong = rival.setting.failed or failed
-        settings.append(dataclasses.replace(rival.setting, seconds=seconds, spread=spread, failed=wrong))
+        took = timings.get(rival.setting.label, Timed(math.nan))
+        failed = rival.setting.failed or took.failed
+        settings.append(dataclasses.replace(rival.setting, seconds=took.seconds, spread=took.spread, failed=failed))
     first = next(iter(case.facts.values()), None) or wanted.result(parameters, case.facts)
     channels = first.channels
     source = (
         f"Errors: worst and median over the corpus, {side} px. "
-        f"Times: lower quartiles of interleaved runs, {size} x {size} px, {channels} channels."
+        f"Times: lower quartiles of interleaved runs, {size} x {size} px, {channels} channels; "
+        f"that of the exact result is {'a guess' if guessed else 'one run'}."
     )
     versions = {peer.distribution: peer.version for peer in peers(wanted, parameters)}
     return _report(wanted, number, values, backend, size, settings, source, versions)
@@ -163,79 +156,63 @@ def _label(setting: sweep.Setting) -> str:
     return Setting(setting.method.name, setting.knob, nan, nan, nan, nan).label
 
 
-Timing = tuple[float, float, str | None]
-
-
 def _times(
     operation: Operation[Any], parameters: OperationParameters, case: Case, backend: str,
-    others: Sequence[Rival], rounds: int, quick: bool,
-) -> dict[str, Timing]:  # fmt: skip
-    """Seconds, spread and what went wrong, by label, of settings and rivals in turn.
-
-    The lower quartile stands for a time: what else a machine does only ever adds.
-    """
-    calls: dict[int, Callable[[], object]] = {}
-    names: list[str] = []
-    found: dict[str, Timing] = {}
-
-    def enter(name: str, call: Callable[[], object]) -> None:
-        try:
-            call()
-        except FAILURES as failure:
-            found[name] = (math.nan, 0.0, brief(failure))
-            return
-        began = time.perf_counter()
-        call()
-        for _ in range(max(1, min(8, int(TURN / (time.perf_counter() - began + 1e-6))))):
-            calls[len(names)] = call
-            names.append(name)
-
+    others: Mapping[str, Callable[[], object]], effort: Effort,
+) -> dict[str, Timed]:  # fmt: skip
+    """By label: our settings, those of `others`, and truth. What would take too long is predicted."""
+    calls: dict[str, Callable[[], object]] = {}
+    found: dict[str, Timed] = {}
     for each in sweep.settings(operation):
         unfit = each.method.unfit(parameters, case.facts)
         seconds = each.method.seconds(backend, parameters, each.knob or 0.0, case.facts)
-        if unfit is not None:
-            found[_label(each)] = (math.nan, 0.0, unfit)
-        elif seconds > (LONGEST if quick else 4 * LONGEST):
-            found[_label(each)] = (seconds, 0.0, None)
+        if unfit is not None or seconds > effort.longest:
+            found[_label(each)] = Timed(seconds, failed=unfit)
         else:
-            enter(_label(each), partial(each.compute, backend, case.inputs, parameters))
-    for rival in others:
-        if rival.call is None:
-            found[rival.setting.label] = (math.nan, 0.0, None)
-        else:
-            enter(rival.setting.label, rival.call)
-    taken: dict[str, list[float]] = {}
-    for place, kept in sweep.interleaved(calls, rounds).items():
-        taken.setdefault(names[place], []).extend(kept)
-    for name, kept in taken.items():
-        low, high = (float(each) for each in np.quantile(kept, (0.25, 0.75)))
-        found[name] = (low, (high - low) / 2 / low, None)
-    return found
+            calls[_label(each)] = partial(each.compute, backend, case.inputs, parameters)
+    found[TRUTH] = Timed(operation.truth_seconds(parameters, case.facts))
+    if found[TRUTH].seconds <= effort.longest / 2:
+        found[TRUTH] = once(partial(operation.evaluate_truth, case.inputs, parameters))
+    return found | timed({**calls, **others}, effort)
 
 
 # ------------------------------------------------------------------------------------------------------------- common
 
 
-def _setting(each: sweep.Setting, seconds: float, spread: float, entry: Entry | None, failed: str | None) -> Setting:
+def _setting(each: sweep.Setting, took: Timed, entries: Sequence[Entry]) -> Setting:
+    """One of ours in the working precision."""
+    wanted = (each.method.name, each.knob, sweep.PRECISION)
+    entry = next((entry for entry in entries if (entry.method, entry.knob, entry.precision) == wanted), None)
+    failed = took.failed or (None if entry else MISSING)
     if failed is not None or entry is None:
         nan = math.nan
         return Setting(each.method.name, each.knob, nan, nan, nan, nan, failed=failed)
-    return _from(entry, seconds, spread)
+    return _from(entry, took.seconds, took.spread)
+
+
+def _variants(settings: Sequence[Setting], entries: Sequence[Entry]) -> Iterator[Setting]:
+    """In stores of less precision: what is computed is the same, and so is its time."""
+    known = {(each.method, each.knob): each for each in settings if each.failed is None}
+    for entry in entries:
+        if entry.precision != sweep.PRECISION and (working := known.get((entry.method, entry.knob))):
+            yield _from(entry, working.seconds, working.spread)
+
+
+def _doubles(took: Timed) -> Setting:
+    """The definition itself, in doubles: `precision=float64`."""
+    nothing = math.nan if took.failed else 0.0
+    stated, precision = DOUBLE_ROUNDING, Precision.FLOAT64
+    return Setting(
+        TRUTH, None, took.seconds, nothing, nothing, nothing, stated, "bound", precision, took.spread,
+        failed=took.failed,
+    )  # fmt: skip
 
 
 def _from(entry: Entry, seconds: float, spread: float) -> Setting:
     return Setting(
-        entry.method,
-        entry.knob,
-        seconds,
-        entry.largest,
-        entry.typical_rms,
-        entry.p999,
-        entry.stated,
-        entry.kind,
-        entry.precision,
-        spread,
-    )
+        entry.method, entry.knob, seconds, entry.largest, entry.typical_rms, entry.p999, entry.stated, entry.kind,
+        entry.precision, spread,
+    )  # fmt: skip
 
 
 def _report(

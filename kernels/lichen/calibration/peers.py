@@ -100,6 +100,61 @@ def _skimage_blur(filters: Any, inputs: Inputs, p: Any) -> Job:
     )
 
 
+def _opencv(inputs: Inputs, p: Any, cv2: Any, call: Callable[[Array, Array, int], Array]) -> Job:
+    """`call` receives the pixels, an array for the result and the border."""
+    pixels = inputs["image"].pixels
+    target, border = np.empty_like(pixels), getattr(cv2, _OPENCV_BORDERS[p.border])
+    return _returning(lambda: call(pixels, target, border))
+
+
+def _opencv_box(cv2: Any, inputs: Inputs, p: Any) -> Job:
+    return _opencv(inputs, p, cv2, lambda x, y, border: cv2.blur(x, (p.width, p.height), dst=y, borderType=border))
+
+
+def _opencv_filter(cv2: Any, inputs: Inputs, p: Any) -> Job:
+    """OpenCV correlates: the kernel is turned round."""
+    taps = np.array(p.kernel)[::-1, ::-1] * p.scale
+    return _opencv(inputs, p, cv2, lambda x, y, border: cv2.filter2D(x, -1, taps, dst=y, borderType=border))
+
+
+def _opencv_laplacian(cv2: Any, inputs: Inputs, p: Any) -> Job:
+    return _opencv(
+        inputs, p, cv2, lambda x, y, border: cv2.Laplacian(x, -1, dst=y, ksize=1, scale=p.scale, borderType=border)
+    )
+
+
+def _opencv_morphology(cv2: Any, inputs: Inputs, p: Any) -> Job:
+    step, block = getattr(cv2, p.step), np.ones((p.height, p.width), np.uint8)
+    return _opencv(inputs, p, cv2, lambda x, y, border: step(x, block, dst=y, borderType=border))
+
+
+def _skimage_median(filters: Any, inputs: Inputs, p: Any) -> Job:
+    pixels, window = inputs["image"].pixels, np.ones((p.size, p.size, 1))
+    mode = _SKIMAGE_BORDERS[p.border]
+    return _returning(lambda: filters.median(pixels, window, mode=mode, cval=p.value))
+
+
+def _odd(p: Any) -> bool:
+    return p.border in _OPENCV_BORDERS and p.width % 2 == 1 == p.height % 2 and p.anchor is None
+
+
+def _plain_kernel(p: Any) -> bool:
+    if p.kernel is None or p.border not in _OPENCV_BORDERS:
+        return False
+    odd = len(p.kernel) % 2 == 1 == len(p.kernel[0]) % 2
+    plain = (p.mode, p.anchor, p.normalise, p.bias, p.coverage) == ("convolution", None, False, 0, "convolved")
+    return odd and plain and p.missing == "spread"
+
+
+# ------------------------------------------------------------------------------------------------------------- colour
+
+
+def _opencv_matrix(cv2: Any, inputs: Inputs, p: Any) -> Job:
+    pixels, matrix = inputs["image"].pixels, np.array(p.matrix)
+    target = np.empty_like(pixels)
+    return _returning(lambda: cv2.transform(pixels, matrix, dst=target))
+
+
 # --------------------------------------------------------------------------------------------------------------- tone
 
 
@@ -177,6 +232,28 @@ PEERS = (
         lambda p: p.border in _SKIMAGE_BORDERS and _plain_blur(p),
         _skimage_blur,
     ),
+    Peer(
+        "OpenCV blur", "cv2", "opencv-python-headless", "box", lambda p: _odd(p) and p.missing == "spread", _opencv_box
+    ),
+    Peer("OpenCV filter2D", "cv2", "opencv-python-headless", "convolve", _plain_kernel, _opencv_filter),
+    Peer(
+        "OpenCV Laplacian",
+        "cv2",
+        "opencv-python-headless",
+        "laplacian",
+        lambda p: p.mask == "four" and p.border in _OPENCV_BORDERS,
+        _opencv_laplacian,
+    ),
+    Peer(
+        "OpenCV dilate, erode",
+        "cv2",
+        "opencv-python-headless",
+        "morphology",
+        lambda p: _odd(p) and p.step in ("dilate", "erode"),
+        _opencv_morphology,
+    ),
+    Peer("scikit-image median", "skimage.filters", "scikit-image", "median", lambda p: p.size > 1, _skimage_median),
+    Peer("OpenCV transform", "cv2", "opencv-python-headless", "matrix", lambda p: len(p.matrix) == 3, _opencv_matrix),
     Peer("OpenImageIO colorconvert", "OpenImageIO", "OpenImageIO", "transfer", _plain_srgb, _oiio_srgb),
     Peer("colour-science sRGB", "colour.models", "colour-science", "transfer", _plain_srgb, _colour_srgb),
     Peer("OpenImageIO premult", "OpenImageIO", "OpenImageIO", "premultiply", lambda p: True, _oiio_premultiply),

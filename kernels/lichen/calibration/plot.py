@@ -16,7 +16,7 @@ from functools import cached_property
 from lichen.calibration.chart import Labels, Scale, spanning, wrapped
 from lichen.calibration.drawing import HUES, Area, Dot, Drawing, Form, Line, Shape, Text, text_width
 from lichen.calibration.panel import panel
-from lichen.calibration.report import PLAIN, Report, Setting, Verdict, milliseconds, scientific, short
+from lichen.calibration.report import DOUBLES, PLAIN, Report, Setting, Verdict, milliseconds, scientific, short
 
 WIDTH = 960
 LEFT, RIGHT = 70.0, WIDTH - 30.0
@@ -53,7 +53,7 @@ class _Plot:
     @cached_property
     def top(self) -> float:
         """of the frame; the prices stand above it"""
-        return self.head[-1].y + (82 if self._priced else 24)
+        return self.head[-1].y + (98 if self._priced else 24)
 
     @property
     def _priced(self) -> bool:
@@ -79,7 +79,7 @@ class _Plot:
 
     @cached_property
     def y(self) -> Scale:
-        times = [setting.seconds * 1e3 for setting, _ in self.shown]
+        times = [setting.seconds * 1e3 for setting, _ in self.shown if setting.precision != DOUBLES]
         return spanning(times, self.bottom - 10, self.top + 10 + 20 * len(self.failures), least=1.0, margin=0.14)
 
     @cached_property
@@ -96,7 +96,8 @@ class _Plot:
         return self.x(error) if error > 0 else RIGHT - 8
 
     def up(self, setting: Setting) -> float:
-        return self.y(setting.seconds * 1e3)
+        """The definition in doubles takes so long that it may lie beyond: then it stands at the upper edge."""
+        return max(self.y(setting.seconds * 1e3), self.top + 8)
 
     def error(self, setting: Setting) -> float:
         return setting.worst if self.report.ranking == "worst" else setting.typical
@@ -148,7 +149,7 @@ class _Plot:
             return
         y, before = self.top - 14, None
         kind = "an" if self.report.ranking == "worst" else "a typical"
-        yield Text(LEFT - 46, y - 38, f"least time for {kind} error of at most ...", "muted", 12)
+        yield Text(LEFT - 46, y - 54, f"least time for {kind} error of at most ...", "muted", 12)
         last = -math.inf
         for price in prices:
             at = min(max(self.x(price.error), LEFT + 14), RIGHT - 14)
@@ -158,12 +159,13 @@ class _Plot:
                 continue
             last = time.box[2]
             yield time
+            yield Text(at, y - 34, scientific(price.error), "ink", 12, "middle")
             yield Line([(at, self.top - 9), (at, self.top)], "muted", 1)
             if before is not None:
                 ratio = price.seconds / before
                 added = f"+{(ratio - 1) * 100:.0f} %" if ratio < 1.95 else f"x {ratio:.1f}"
                 added = "free" if ratio < 1.005 else added
-                yield Text(at, y - 16, added, "muted", 11, "middle")
+                yield Text(at, y - 17, added, "muted", 11, "middle")
             before = price.seconds
 
     def _front(self) -> Iterable[Shape]:
@@ -180,7 +182,8 @@ class _Plot:
             for ranks, of in ((self.report.ranking == "worst", "worst"), (self.report.ranking != "worst", "typical")):
                 points = [(self.across(getattr(each, of)), self.up(each)) for each in own]
                 style = (1.8, None, 0.85) if ranks else (1.1, (3.0, 3.0), 0.55)
-                yield Line(points, self.hue(method), *style)
+                if len(points) > 1:
+                    yield Line(points, self.hue(method), *style)
 
     def _dots(self) -> Iterable[Dot]:
         for setting, verdict in self.shown:
@@ -219,28 +222,20 @@ class _Plot:
 
     def _label(self, labels: Labels) -> None:
         """Methods and peers by name, then knobs: first those worth taking, then as many others as find a place."""
-        seen = set()
-        for setting, _ in sorted(
-            self.shown, key=lambda pair: -self.across(self.error(pair[0])) * (pair[0].peer is False)
-        ):
-            if setting.method not in seen and (setting.peer or setting.precision == PLAIN):
-                seen.add(setting.method)
+        named = set()
+        for setting, _ in sorted(self.shown, key=lambda pair: self._naming(pair[0])):
+            if setting.method not in named and (setting.peer or setting.precision == PLAIN):
+                at, bold = (self.across(self.error(setting)), self.up(setting)), not setting.peer
                 role = self.hue(setting.method)
-                name = setting.method
-                labels.put(
-                    self.across(self.error(setting)),
-                    self.up(setting),
-                    name,
-                    role=role,
-                    size=13.5,
-                    bold=not setting.peer,
-                    gap=11,
-                )
+                if labels.put(*at, setting.method, role=role, size=13.5, bold=bold, gap=11):
+                    named.add(setting.method)
         order = {"worthwhile": 0, "front": 1, "dominated": 2, "variant": 3}
         for setting, verdict in sorted(self.shown, key=lambda pair: order.get(pair[1].standing, 4)):
             text = short(setting.knob) if setting.knob is not None else ""
             if setting.precision != PLAIN:
                 text = setting.precision
+            if setting.precision == DOUBLES:
+                text = f"{text}, {milliseconds(setting.seconds)}"
             if text and not setting.peer:
                 labels.put(
                     self.across(self.error(setting)),
@@ -250,6 +245,10 @@ class _Plot:
                     size=11,
                     gap=10 if verdict.standing == "worthwhile" else 8,
                 )
+
+    def _naming(self, setting: Setting) -> tuple[bool, float]:
+        """Peers first, which have one mark each; of ours the most accurate, where lines lie furthest apart."""
+        return not setting.peer, -self.across(self.error(setting))
 
     def _tooltip(self, setting: Setting, verdict: Verdict) -> str:
         knob = self.report.knobs.get(setting.method, "knob")

@@ -6,15 +6,14 @@ other one to take instead, settings that failed stay and say why. Peers, other l
 same thing, are measured in the same run and judged against our front, never on it.
 
 Two errors count. The worst is the largest difference from truth anywhere in the corpus, the typical one the median
-over its images of the RMS difference. Settings are ranked by the worst, unless all settings share it: then no accuracy
-can be bought there, and the typical error ranks them.
+over its images of the RMS difference. Settings are ranked by the worst, unless it stays visible whatever is paid and
+time buys far more digits of the typical error: then that ranks them.
 """
 
 from __future__ import annotations
 
 import math
-import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -24,9 +23,11 @@ from lichen.study import Study
 
 Ranking = Literal["worst", "typical"]
 Standing = Literal["worthwhile", "front", "dominated", "variant", "failed", "peer"]
-PLAIN = "float32"
+PLAIN, DOUBLES = "float32", "float64"
 SEPARATED = 4.0
-"""The worst cases of a method's settings differ by this factor at least where accuracy can be bought there."""
+"""The worst cases of settings differ by this factor at least where accuracy can be bought there."""
+FURTHER = 2.0
+"""How many times the digits of the worst case those of the typical error are where they are what is bought."""
 VISIBLE = 1e-3
 """A quarter of the step of 8-bit samples. Where all settings lie below, that they agree is rounding, no obstacle."""
 SHORT = 1.2
@@ -54,8 +55,7 @@ class Setting:
 
     @property
     def label(self) -> str:
-        name = self.method if self.knob is None else f"{self.method} at {short(self.knob)}"
-        return name if self.precision == PLAIN else f"{name}, {self.precision}"
+        return label_of(self.method, self.knob, self.precision)
 
     def cost(self, ranking: Ranking) -> Cost:
         return Cost(self.worst if ranking == "worst" else self.typical, self.seconds)
@@ -100,9 +100,12 @@ class Report:
     def ranking(self) -> Ranking:
         errors = [self.settings[i].worst for i in self.ours if self.settings[i].cost("worst").known]
         typical = [self.settings[i].typical for i in self.ours if self.settings[i].cost("worst").known]
-        flat = len(errors) > 1 and min(errors) > VISIBLE and max(errors) < SEPARATED * min(errors)
-        buys = len(typical) > 1 and max(typical) > 1.5 * min(typical) and max(typical) < 0.5 * max(errors)
-        return "typical" if flat and buys else "worst"
+        if len(errors) < 2 or min(errors) <= VISIBLE or max(typical) <= 0:
+            return "worst"
+        worst, usual = max(errors) / min(errors), max(typical) / max(min(typical), 1e-300)
+        flat = worst < SEPARATED and usual > 1.5
+        dwarfed = usual > SEPARATED and math.log(usual) >= FURTHER * math.log(worst)
+        return "typical" if (flat or dwarfed) and max(typical) < 0.5 * max(errors) else "worst"
 
     @cached_property
     def costs(self) -> list[Cost]:
@@ -226,6 +229,7 @@ class Report:
         """JSON values, apart from errors that are NaN where a setting failed."""
         return {
             "operation": self.operation,
+            "title": self.title,
             "parameters": dict(self.parameters),
             "example": self.example,
             "device": self.device,
@@ -296,6 +300,15 @@ def scientific(value: float, digits: int = 2, plain: float = 0.01) -> str:
     return f"{mantissa.rstrip('0').rstrip('.') if '.' in mantissa else mantissa}e{int(power)}"
 
 
+def label_of(method: str, knob: float | None, precision: str) -> str:
+    """
+    >>> label_of("fir", 1e-4, PLAIN), label_of("truth", None, DOUBLES)
+    ('fir at 1e-4', 'truth, float64')
+    """
+    name = method if knob is None else f"{method} at {short(knob)}"
+    return name if precision == PLAIN else f"{name}, {precision}"
+
+
 def round_errors(most: float, least: float) -> list[float]:
     """Powers of ten from just above `most` down to above `least`; with twos and fives where they are few.
 
@@ -316,10 +329,12 @@ def short(knob: float) -> str:
 
 
 def milliseconds(seconds: float) -> str:
-    """Two significant digits: 0.042 ms, 1.8 ms, 240 ms."""
+    """Two significant digits: 0.042 ms, 1.8 ms, 240 ms; seconds from ten on."""
     value = seconds * 1e3
     if not math.isfinite(value):
         return "-"
+    if seconds >= 9.95:
+        return f"{seconds:.0f} s"
     return f"{value:.0f} ms" if value >= 9.95 else f"{value:.2g} ms"
 
 
@@ -336,7 +351,3 @@ def more(ratio: float) -> str:
 
 def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def middle(values: Sequence[float]) -> float:
-    return statistics.median(values) if values else math.nan

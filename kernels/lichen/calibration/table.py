@@ -16,6 +16,17 @@ from pathlib import Path
 
 NAME = "errors.json"
 DIGITS = 3
+SHARE = 0.1
+"""Of a figure, by which it may differ when it is found again."""
+LAST = {
+    "fixed8": (1 / 255, 1 / 4080),
+    "fixed12": (1 / 4095, 1 / 65520),
+    "fixed16": (1 / 65535, 1 / 1048560),
+    "float16": (2.0**-11, 2.0**-15),
+    "float32": (2.0**-23, 2.0**-24),
+}
+"""By precision: the last digit at the scale of errors, 1, and what it makes of an RMS error. Another processor or
+backend may round a value between two digits otherwise, in float32 all of them, in a store one in hundreds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +63,18 @@ class Entry:
 
     @property
     def holds(self) -> bool:
-        return self.largest <= self.stated and not self.mismatched
+        """Whether it keeps what is stated. A store may make nothing of a small depth, which then has no finite result:
+        such samples are counted, and no error is stated for them."""
+        return self.largest <= self.stated and not (self.mismatched and self.precision == "float32")
+
+    def drift(self, found: Entry) -> list[str]:
+        """In words, which figures `found` does not confirm: off by more than a share and a last digit, either way."""
+        said = []
+        for figure, digit in zip(("largest", "typical_rms"), LAST[self.precision], strict=True):
+            old, new = getattr(self, figure), getattr(found, figure)
+            if abs(new - old) > SHARE * old + digit:
+                said.append(f"{found.method} at {found.knob}, {found.precision}: {figure} was {old:.3g}, is {new:.3g}")
+        return said
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,16 @@ A `Cell` is one setting on the typical image at one size. For every method a han
 times spread from the start-up cost to the longest run allowed, since the two numbers of a rate need both ends. Cells
 are run in turn, several passes of them, so that a machine that is slow for a second harms one run of many cells instead
 of all runs of one. A cell's quickest run counts: whatever else happens on a machine only ever adds time.
+
+Predictions before anything is measured may be far off: where the first pass shows that all cells of a method are short,
+the longest that this machine has time for is added.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -36,8 +40,8 @@ class Plan:
     passes: int
 
 
-QUICK = Plan(longest=0.008, cells=6, passes=3)
-"""A second or two for everything; no run is long enough to be in anybody's way."""
+QUICK = Plan(longest=0.016, cells=6, passes=3)
+"""No run is long enough to be in anybody's way."""
 THOROUGH = Plan(longest=0.2, cells=12, passes=5)
 
 
@@ -76,6 +80,11 @@ def _prepared(name: str, example: int, size: int) -> tuple[Case, Any]:
 
 def cells(owner: Operation[Any], backend: str, plan: Plan) -> list[Cell]:
     """For each method the cells whose predicted times lie evenly, on a scale of decades, up to the longest allowed."""
+    return [cell for offered in _offered(owner, backend).values() for cell in _spread(offered, plan)]
+
+
+def _offered(owner: Operation[Any], backend: str) -> dict[str, list[Cell]]:
+    """All there are, by method."""
     found: dict[str, list[Cell]] = {}
     for size in SIDES:
         for example in range(len(owner.examples)):
@@ -87,7 +96,7 @@ def cells(owner: Operation[Any], backend: str, plan: Plan) -> list[Cell]:
                     predicted = method.seconds(backend, parameters, setting.knob or 0.0, facts)
                     cell = Cell(owner.name, example, method.name, setting.knob, size, predicted)
                     found.setdefault(method.name, []).append(cell)
-    return [cell for offered in found.values() for cell in _spread(offered, plan)]
+    return found
 
 
 def _spread(offered: Sequence[Cell], plan: Plan) -> Iterator[Cell]:
@@ -118,26 +127,41 @@ class Timing:
     backend: str
     plan: Plan
     seconds: dict[Cell, list[float]] = field(default_factory=dict)
+    _added: set[Cell] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.seconds = {cell: [] for cell in cells(self.owner, self.backend, self.plan)}
 
     @property
     def runs(self) -> int:
-        """How many there are to come in all, one more for each cell to warm it up."""
-        return len(self.seconds) * (self.plan.passes + 1)
+        """How many there are to come in all, one more for each cell to warm it up; cells that are added miss two."""
+        return len(self.seconds) * (self.plan.passes + 1) - 2 * len(self._added)
 
     def steps(self, undisturbed: Callable[[], bool] = lambda: True) -> Iterator[Cell]:
         """Makes all runs, pausing after each. A run during which `undisturbed` turned false is made again, once."""
         for number in range(self.plan.passes + 1):
+            if number == 2 < self.plan.passes:
+                self._add_longer()
             for cell, kept in self.seconds.items():
                 seconds = cell.run(self.backend)
                 if not undisturbed():
                     yield cell
                     seconds = cell.run(self.backend)
-                if number:
+                if number > (2 if cell in self._added else 0):
                     kept.append(seconds)
                 yield cell
+
+    def _add_longer(self) -> None:
+        """The longest affordable cell of each method, by what the first pass took, where it is twice as long as any."""
+        for method, offered in _offered(self.owner, self.backend).items():
+            known = [(cell, kept[0]) for cell, kept in self.seconds.items() if cell.method == method]
+            scale = statistics.median(took / cell.predicted for cell, took in known)
+            short = 2 * max(took for _, took in known)
+            longer = [cell for cell in offered if short < scale * cell.predicted <= self.plan.longest]
+            if longer:
+                cell = max(longer, key=lambda cell: cell.predicted)
+                self._added.add(cell)
+                self.seconds[cell] = []
 
     def samples(self) -> dict[str, list[Sample]]:
         """By method."""
@@ -149,4 +173,5 @@ class Timing:
 
     def rates(self) -> dict[tuple[str, str], Rate]:
         """What the runs so far say, by operation and method."""
-        return {(self.owner.name, method): fit(samples) for method, samples in self.samples().items()}
+        declared = {name: method.rates[self.backend] for name, method in self.owner.methods.items()}
+        return {(self.owner.name, name): fit(own, declared[name]) for name, own in self.samples().items()}

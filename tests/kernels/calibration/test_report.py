@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import lichen
+from lichen.accuracy.precision import PRECISIONS
 from lichen.calibration import report as words
 from lichen.calibration.chart import Labels, spanning
 from lichen.calibration.corpus import typical
@@ -164,16 +165,29 @@ def test_every_example_can_be_predicted(name: str) -> None:
 def test_a_measured_report_holds_peers_and_precisions() -> None:
     operation = lichen.operations()["premultiply"]
     made = measured(operation, size=64, quick=True)
-    assert {each.precision for each in made.settings} == {"float32", "fixed8", "fixed12", "fixed16", "float16"}
+    assert {each.precision for each in made.settings} == set(PRECISIONS)
     assert any(each.peer for each in made.settings)
     assert all(each.seconds > 0 for each in made.settings if each.failed is None)
     by_precision = {each.precision: each.worst for each in made.settings if not each.peer}
-    assert by_precision["fixed8"] > by_precision["fixed12"] > by_precision["fixed16"] > by_precision["float32"]
+    order = ("fixed8", "fixed12", "fixed16", "float32", "float64")
+    assert [by_precision[each] for each in order] == sorted((by_precision[each] for each in order), reverse=True)
+
+
+def test_what_cannot_run_stays_in_the_report() -> None:
+    made = measured(lichen.operations()["gaussian"], 4, size=64, backend="numpy", quick=True)
+    kept = {(each.method, each.knob): each for each in made.settings if not each.peer and each.precision == "float32"}
+    assert set(kept) == {
+        (method.name, knob)
+        for method in lichen.operations()["gaussian"].methods.values()
+        for knob in method.knob.values
+    }
+    assert "border" in str(kept["dct", 1e-6].failed)
+    assert 0 < kept["fir", 1e-6].worst <= kept["fir", 1e-6].stated
 
 
 def test_what_needs_no_picture_is_measured_too() -> None:
     made = measured(lichen.operations()["white_noise"], size=64, quick=True)
-    assert {each.precision for each in made.settings if each.failed is None} >= {"float32", "fixed8", "float16"}
+    assert {each.precision for each in made.settings if each.failed is None} == set(PRECISIONS)
     assert "1 channels" in made.source
 
 

@@ -10,12 +10,11 @@ from lichen.calibration import table
 from lichen.calibration.corpus import typical
 from lichen.calibration.sweep import PRECISION, errors, settings
 from lichen.calibration.table import Entry, Table
+from lichen.calibration.variants import STORES
 from lichen.catalogue import operations
 
 OPERATIONS = operations()
 AGAIN = "run `lichen calibrate --errors --operation NAME` and look at what changed"
-NOISE = 1e-7
-"""Errors below are roundings, which another processor may do otherwise."""
 
 
 def _cheapest(name: str) -> int:
@@ -39,6 +38,26 @@ def test_every_setting_of_every_operation_is_in_it() -> None:
     assert {entry.operation for entry in table.load().entries} == set(OPERATIONS)
 
 
+def test_every_example_is_in_it_with_every_store() -> None:
+    known: dict[tuple[str, int], set[str]] = {}
+    for entry in table.load().entries:
+        known.setdefault((entry.operation, entry.example), set()).add(entry.precision)
+    assert [example for example, found in known.items() if found != {PRECISION, *STORES}] == []
+
+
+def test_another_processor_s_last_digit_is_no_drift_and_all_else_is() -> None:
+    kept = _entry(largest=2.25e-7, typical_rms=3e-8, stated=8.8e-7)
+    assert kept.drift(_entry(largest=3.0e-7, typical_rms=5e-8)) == []
+    assert len(kept.drift(_entry(largest=4e-7, typical_rms=3e-8))) == 1
+    assert len(kept.drift(_entry(largest=2.25e-7, typical_rms=1e-7))) == 1
+    coarse = _entry(largest=1e-3, typical_rms=1e-4)
+    assert coarse.drift(_entry(largest=1.09e-3, typical_rms=0.91e-4)) == []
+    (better,) = coarse.drift(_entry(largest=0.8e-3, typical_rms=1e-4))
+    assert "largest was 0.001, is 0.0008" in better
+    assert not _entry(mismatched=1).holds
+    assert _entry(mismatched=1, precision="fixed8").holds
+
+
 def test_every_four_bits_divide_the_error_of_a_store_by_sixteen() -> None:
     kept = {entry.precision: entry for entry in table.load().of("transfer", 0)}
     for coarse, fine in (("fixed8", "fixed12"), ("fixed12", "fixed16")):
@@ -58,10 +77,7 @@ def test_what_it_says_is_found_again(name: str) -> None:
     for found in errors(OPERATIONS[name], example, next(iter(kept.values())).size):
         entry = kept[found.method, found.knob, found.precision]
         assert found.holds, found
-        for figure in ("largest", "typical_rms"):
-            old, new = getattr(entry, figure), getattr(found, figure)
-            if max(old, new) > NOISE and abs(new - old) > 0.1 * old:
-                drifted.append(f"{found.method} at {found.knob}: {figure} was {old:.3g}, is {new:.3g}")
+        drifted += entry.drift(found)
     assert not drifted, "\n".join([f"{name}, example {example}: {AGAIN}", *drifted])
 
 

@@ -13,8 +13,8 @@ from lichen.accuracy import times
 from lichen.calibration.calibrate import Outcome, calibrate
 from lichen.calibration.corpus import typical
 from lichen.calibration.fit import Sample, fit, misses
-from lichen.calibration.sweep import measure
-from lichen.calibration.timing import QUICK, Plan, Timing, cells
+from lichen.calibration.timing import QUICK, Cell, Plan, Timing, cells
+from lichen.calibration.turns import REPEATS, Effort, timed
 from lichen.catalogue import operation, operations
 from lichen.operation import Rate
 
@@ -148,17 +148,44 @@ def test_a_disturbed_run_is_made_again() -> None:
     assert all(len(kept) == SHORT.passes for kept in measured.seconds.values())
 
 
-def test_a_sweep_says_error_and_time_of_every_setting() -> None:
-    points = measure("gaussian", 0, size=64, backends=("numpy",), quick=True)
-    assert {(point.method, point.knob) for point in points} == {
-        (method.name, knob) for method in operation("gaussian").methods.values() for knob in method.knob.values
-    }
-    for point in points:
-        assert point.failed is None
-        assert point.seconds > 0
-        assert 0 < point.largest <= point.stated
-    clamped = measure("gaussian", 4, size=64, backends=("numpy",), quick=True)
-    assert all("border" in point.failed for point in clamped if point.method == "dct")
+def test_what_short_runs_cannot_tell_is_known_from_elsewhere() -> None:
+    same = [Sample(1e3, 4e-3), Sample(1e3, 4.1e-3), Sample(1e3, 3.9e-3)]
+    assert fit(same).step < 1e-9
+    scaled = fit(same, Rate(1e-3, 1e-6))
+    assert scaled.start + 1e3 * scaled.step == pytest.approx(4e-3, rel=0.05)
+    assert scaled.step == pytest.approx(2e-6, rel=0.05)
+    telling = [Sample(n, 1e-4 + 2e-9 * n) for n in (1e3, 1e4, 1e5, 1e6, 1e7)]
+    for wrong in (Rate(1e-4, 1e-8), Rate(1e-4, 4e-10)):
+        assert fit(telling, wrong).step == pytest.approx(2e-9, rel=0.1)
+
+
+def test_a_machine_quicker_than_foretold_gets_longer_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Cell, "run", lambda cell, backend: cell.predicted / 50)
+    quick = Timing(operation("premultiply"), "numpy", Plan(longest=0.004, cells=3, passes=3))
+    planned = set(quick.seconds)
+    assert len(list(quick.steps())) == quick.runs
+    (added,) = set(quick.seconds) - planned
+    assert 2 * max(cell.predicted for cell in planned) < added.predicted <= 50 * 0.004
+    assert len(quick.seconds[added]) == 1
+    monkeypatch.setattr(Cell, "run", lambda cell, backend: cell.predicted)
+    foretold = Timing(operation("premultiply"), "numpy", Plan(longest=0.004, cells=3, passes=3))
+    assert len(list(foretold.steps())) == foretold.runs == 4 * len(foretold.seconds)
+
+
+def test_calls_take_turns_as_often_as_is_affordable() -> None:
+    ran: list[str] = []
+
+    def fails() -> None:
+        raise ValueError("no such border\nfurther lines")
+
+    calls = {"quick": lambda: ran.append("quick"), "slow": lambda: ran.append("slow"), "fails": fails}
+    found = timed(calls, Effort((2, 2), seconds=0.0, turn=0.0, longest=1.0))
+    assert ran == ["quick"] * 2 + ["slow"] * 2 + ["quick", "slow"] * 2
+    assert (found["fails"].failed, found["slow"].failed) == ("no such border", None)
+    assert found["quick"].seconds > 0
+    ran.clear()
+    timed({"quick": calls["quick"]}, Effort((2, 5), seconds=60.0, turn=1.0, longest=1.0))
+    assert len(ran) == 2 + 5 * REPEATS
 
 
 def test_times_are_taken_from_the_quickest_run() -> None:
