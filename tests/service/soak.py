@@ -50,7 +50,8 @@ import os, sys, tempfile
 from lichen_service import app
 from lichen_service.http import server
 from lichen_service.settings import FIGURES, SHARED, Settings
-settings = Settings(port=0, workers=1, spare="off", threads=2, data=sys.argv[1], calibrate="off", max_pixels=1 << 22)
+settings = Settings(port=0, workers=1, spare="off", threads=2, data=sys.argv[1], calibrate="off", max_pixels=1 << 22,
+                    request_timeout=600.0, idle_timeout=600.0)
 shared = tempfile.mkdtemp(dir=sys.argv[1])
 os.environ.update(settings.environment() | {SHARED: shared, FIGURES: shared})
 sys.exit(server.serve(sys.argv[2], settings))
