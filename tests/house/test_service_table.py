@@ -1,4 +1,4 @@
-"""The table of features in docs/service.md names tests, and the tests are there."""
+"""The tables of features and of failures in docs/service.md name tests, and the tests are there."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 ROW = re.compile(r"^\| (?P<feature>[^|]+) \| (?P<mark>[YPN]) \| (?P<shown>[^|]*) ?\|$", re.MULTILINE)
+LOSS = re.compile(r"^\| (?P<dies>[^|]+) \| [^|]+ \| [^|]+ \| [^|]* \| (?P<shown>[^|]*) \|$", re.MULTILINE)
 TEST = re.compile(r"`(tests/[\w/]+\.py)::(test_\w+)`")
 
 
@@ -16,6 +17,18 @@ def test_every_feature_that_is_there_is_shown_by_a_test_that_is_there(root: Path
         named = TEST.findall(row["shown"])
         assert bool(named) or row["mark"] != "Y", row["feature"]
         assert row["mark"] != "N" or not named, row["feature"]
-        for path, name in named:
-            source = (root / path).read_text()
-            assert re.search(rf"^def {name}\(", source, re.MULTILINE), f"{row['feature']}: {path} has no {name}"
+
+
+def test_every_loss_is_shown_by_a_test(root: Path) -> None:
+    _, _, table = (root / "docs" / "service.md").read_text().partition("| What dies |")
+    rows = list(LOSS.finditer(table.partition("\n\n")[0]))
+    assert len(rows) >= 11
+    for row in rows:
+        assert TEST.search(row["shown"]), row["dies"]
+
+
+def test_every_test_that_is_named_is_there(root: Path) -> None:
+    named = TEST.findall((root / "docs" / "service.md").read_text())
+    assert len(named) > 60
+    for path, name in named:
+        assert re.search(rf"^def {name}\(", (root / path).read_text(), re.MULTILINE), f"{path} has no {name}"

@@ -1,11 +1,11 @@
 """What the service does under more load than it can bear, before clients that send nothing, and when something dies.
 
-    python tests/service/load.py overload|half-open|failures ...        (all of them without a name)
+    python tests/service/load.py overload|half-open|bombs|failures ...        (all of them without a name)
 
 Overload: an open loop offers 1, 2, 5 and 10 times what a closed loop got through, without waiting for answers, and
 counts what came back, how soon refusals did, and how /livez fared meanwhile. Half-open: 2000 connections that never
-finish their head. Failures: what was accepted before is asked for after, and the time until the service answers again
-is taken.
+finish their head. Bombs: how soon files made to harm are answered, and what memory they cost. Failures: what was
+accepted before is asked for after, and the time until the service answers again is taken.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -256,6 +256,36 @@ def half_open() -> None:
         )
 
 
+# --------------------------------------------------------------------------------------------------------------- bombs
+
+
+def resident(pids: Sequence[int]) -> dict[int, float]:
+    """Megabytes, now."""
+    found = (re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{pid}/status").read_text()) for pid in pids)
+    return {pid: int(each[1]) / 1024 for pid, each in zip(pids, found, strict=True) if each}
+
+
+def bombs() -> None:
+    sys.path.insert(0, str(Path(__file__).parents[1] / "kernels"))
+    from test_files_hostile import claims, long_chain, valid
+
+    files = {f"{name} of gigapixels": data for name, data in claims().items()}
+    files["a TIFF of 100,000 directories"] = long_chain(valid("tiff uint8"), 100_000)
+    files["half a PNG"] = PHOTO[: len(PHOTO) // 2]
+    with served(threads=2, spare="off", decoders=1) as service:
+        for kind in ("png uint8", "jpeg uint8", "tiff uint8", "exr float32", "webp uint8", "npy uint8"):
+            assert service.ask("POST", BLUR, valid(kind))[0] == 200
+        pids = service.children("lichen_service.http.worker") + service.children("lichen_service.decoding.child")
+        for name, data in files.items():
+            before, times = resident(pids), []
+            for _ in range(5):
+                began = time.monotonic()
+                status = service.ask("POST", BLUR, data)[0]
+                times.append(time.monotonic() - began)
+            grown = max(after - before[pid] for pid, after in resident(pids).items())
+            print(f"{name}: {status}, median {share(times, 0.5):.1f} ms, most {share(times, 1):.1f}, {grown:+.1f} MB")
+
+
 # ------------------------------------------------------------------------------------------------------------ failures
 
 
@@ -367,7 +397,12 @@ def main(names: list[str]) -> None:
     if names[:1] == ["probe"]:
         probe(int(names[1]), float(names[2]))
         return
-    parts: dict[str, Callable[[], None]] = {"overload": overload, "half-open": half_open, "failures": failures}
+    parts: dict[str, Callable[[], None]] = {
+        "overload": overload,
+        "half-open": half_open,
+        "bombs": bombs,
+        "failures": failures,
+    }
     for name in names or parts:
         parts[name]()
 

@@ -7,7 +7,8 @@ up. After a fifth of the time the process is warm; from then on its memory is fi
 by one megabyte for each thousand requests at most. A control run follows, of the same service made to leak, which
 must be caught: a test that cannot fail shows nothing.
 
-Only what the load asks for is warmed up, so that kernels of others are not taken for a leak. A pause between requests
+Only what the load asks for is warmed up, and few answers are kept, so that kernels of others and a cache that fills are
+not taken for a leak. A pause between requests
 leaves the processor to others, at the price of fewer requests.
 """
 
@@ -50,7 +51,8 @@ import os, sys, tempfile
 from lichen_service import app
 from lichen_service.http import server
 from lichen_service.settings import FIGURES, SHARED, Settings
-settings = Settings(port=0, workers=1, spare="off", threads=2, data=sys.argv[1], calibrate="off", max_pixels=1 << 22)
+settings = Settings(port=0, workers=1, spare="off", threads=2, data=sys.argv[1], calibrate="off",
+                    max_pixels=1 << 22, cache=1 << 22, request_timeout=600.0, idle_timeout=600.0)
 shared = tempfile.mkdtemp(dir=sys.argv[1])
 os.environ.update(settings.environment() | {SHARED: shared, FIGURES: shared})
 sys.exit(server.serve(sys.argv[2], settings))

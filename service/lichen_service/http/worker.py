@@ -29,9 +29,8 @@ from lichen_service.http.loop import Loop
 from lichen_service.http.message import Application
 from lichen_service.http.reactor import READ
 
-SWITCH_INTERVAL = 0.0001
-"""seconds; the loop thread asks for the interpreter often and briefly, several times for each request, and under load
-waits as long each time: the default of 5 ms would be its latency many times over"""
+SWITCH_INTERVAL = 0.001
+"""seconds; the loop thread asks for the interpreter often and briefly, and the default of 5 ms would be its latency"""
 
 
 def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
