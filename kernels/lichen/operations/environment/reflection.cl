@@ -32,13 +32,13 @@ typedef struct {
 // What squares of floats would lose: the largest of three numbers becomes 1, if there is one.
 #define R(x) ((REAL)(x))
 #if SHORT
-#define SCALE(x, y, z)                                          \
-    {                                                           \
-        REAL most = fmax(fabs(x), fmax(fabs(y), fabs(z)));      \
-        most = most > 0 ? 1 / most : R(1);                      \
-        x *= most;                                              \
-        y *= most;                                              \
-        z *= most;                                              \
+#define SCALE(x, y, z)                                     \
+    {                                                      \
+        REAL most = fmax(fabs(x), fmax(fabs(y), fabs(z))); \
+        most = most > 0 ? most : R(1);                     \
+        x /= most;                                         \
+        y /= most;                                         \
+        z /= most;                                         \
     }
 #else
 #define SCALE(x, y, z)

@@ -197,7 +197,9 @@ FN double8 chebyshev(light_map map, receiver r, double side, int count)
     return spoilt ? (double8)(NAN) : made;
 }
 
-// The mean of comparisons with the texels at some places of a square.
+// The mean of comparisons with the texels at some places of a square. Where depths are stored as they are, floats do: what
+// they round is less than the quantum that is allowed for.
+#if TERMS
 FN double8 sampled(light_map map, receiver r, double side, global const double *restrict places, int count)
 {
     double8 total = ZERO, step;
@@ -208,6 +210,47 @@ FN double8 sampled(light_map map, receiver r, double side, global const double *
     }
     return total / (double)count;
 }
+#else
+FN double8 sampled(light_map map, receiver r, double side, global const double *restrict places, int count)
+{
+    global const double *n = map.n;
+    float8 u = convert_float8(r.u), v = convert_float8(r.v), z = convert_float8(r.z), total = (float8)(0.0f);
+    float8 quantum = convert_float8(r.quantum);
+#if NORMALS
+    float8 along = convert_float8(r.along), facing = convert_float8(r.facing);
+    float8 right = convert_float8(r.right), down = convert_float8(r.down);
+    float8 bend = PARALLEL ? (float8)((float)n[29]) : (float)n[29] * z;
+#else
+    float8 wide = PARALLEL ? (float8)((float)n[32]) : (float)n[32] * z;
+#endif
+    for (int k = 0; k < count; k++) {
+        float8 i = floor(u + (float)(places[2 * k] * side)), j = floor(v + (float)(places[2 * k + 1] * side));
+        int8 column = convert_int8(i), row = convert_int8(j);
+        int8 inside = (column >= 0) & (column < map.width) & (row >= 0) & (row < map.height);
+        int at[LANES];
+        float lane[LANES];
+        vstore8((inside ? row * map.width + column : (int8)(0)), 0, at);
+        for (int l = 0; l < LANES; l++)
+            lane[l] = map.pixels[at[l]];
+        float8 m = inside ? vload8(0, lane) : (float8)((float)n[39]), reach = m + quantum, du = i + 0.5f, dv = j + 0.5f;
+#if NORMALS
+        float8 across = du - map.width * 0.5f, low = dv - map.height * 0.5f;
+        reach = reach + bend * (fabs(du - u) + fabs(dv - v));
+#if PARALLEL
+        float8 above = (along - right * across) - down * low;
+        int8 yes = (z <= reach) | ((facing < 0.0f) & (above >= reach * facing));
+#else
+        float8 below = (facing + right * across) + down * low;
+        int8 yes = (z <= reach) | ((below < 0.0f) & (along >= reach * below));
+#endif
+#else
+        int8 yes = z - wide * (fabs(du - u) + fabs(dv - v)) <= reach;
+#endif
+        total = total + (m != m ? m : (yes ? (float8)(1.0f) : (float8)(0.0f)));
+    }
+    return convert_double8(total) / (double)count;
+}
+#endif
 
 kernel void shadow(global const float *restrict where, global const float *restrict normals, global const float *restrict pixels,
                    global float *restrict out, global const double *restrict n, global const double *restrict places,
