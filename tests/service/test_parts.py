@@ -19,7 +19,7 @@ from lichen_service.documents import canonical, content_digest, document, matche
 from lichen_service.http.message import Head, Request, Response
 from lichen_service.refusals import STATUS, Refusal, refusal_of, relocated
 from lichen_service.reports import LONGEST, rounded_up, skipped
-from lichen_service.routing import Route, find
+from lichen_service.routing import Route, Table
 from lichen_service.stages import Stages
 
 
@@ -42,14 +42,14 @@ ROUTES = (
 
 
 def test_a_path_finds_its_route_and_name() -> None:
-    assert find(ROUTES, head("GET", "/v1/things")).route is ROUTES[0]
-    assert find(ROUTES, head("POST", "/v1/things/a b")).name == "a b"
-    assert find(ROUTES, head("HEAD", "/v1/things")).route is ROUTES[0]
+    assert Table(ROUTES).find(head("GET", "/v1/things")).route is ROUTES[0]
+    assert Table(ROUTES).find(head("POST", "/v1/things/a b")).name == "a b"
+    assert Table(ROUTES).find(head("HEAD", "/v1/things")).route is ROUTES[0]
 
 
 def test_an_unknown_path_is_named_with_its_neighbours() -> None:
     with pytest.raises(Refusal) as caught:
-        find(ROUTES, head("GET", "/v1/thing"))
+        Table(ROUTES).find(head("GET", "/v1/thing"))
     assert caught.value.status == 404
     assert "did you mean /v1/things" in caught.value.detail
 
@@ -57,14 +57,14 @@ def test_an_unknown_path_is_named_with_its_neighbours() -> None:
 @pytest.mark.parametrize("path", ["/v1/things/", "/v1/things/a/b", "/V1/things", "//v1/things", "/v1/things\n"])
 def test_only_exact_paths_match(path: str) -> None:
     with pytest.raises(Refusal) as caught:
-        find(ROUTES, head("GET", path))
+        Table(ROUTES).find(head("GET", path))
     assert caught.value.status == 404
     assert caught.value.detail.isprintable()
 
 
 def test_a_wrong_method_is_told_the_right_ones() -> None:
     with pytest.raises(Refusal) as caught:
-        find(ROUTES, head("DELETE", "/v1/things/a"))
+        Table(ROUTES).find(head("DELETE", "/v1/things/a"))
     assert caught.value.status == 405
     assert caught.value.headers["Allow"] == "GET, HEAD, OPTIONS, POST"
 
