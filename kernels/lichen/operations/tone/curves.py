@@ -254,7 +254,8 @@ class Form:
         jump = self.jump if near <= self.knee <= far else 0.0
         if self.convex:
             toe = self.toe_scale * (1.0 if self.toe == "linear" else 2 * min(far, self.knee))
-            return change * max(toe, float(self.slope(far)) if far >= self.knee else 0.0) + jump
+            steepest = min(far, pq_ceiling_signal()) if self.body == "pq_decode" else far  # beyond it PQ is flat
+            return change * max(toe, float(self.slope(steepest)) if far >= self.knee else 0.0) + jump
         if near > 0:
             return float(self.magnitude(near + change) - self.magnitude(near)) + jump
         # Concave on both sides of zero, so the steepest stretch lies symmetrically around it.

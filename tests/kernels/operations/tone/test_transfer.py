@@ -369,6 +369,15 @@ def test_change_of_the_result_stays_below_the_modulus(curve: Curve, way: Directi
             assert found <= transfer.propagate(p, facts, change) * (1 + 1e-9) + 1e-15
 
 
+def test_change_of_light_is_largest_below_the_plateau_of_pq() -> None:
+    """However far beyond it the codes of a picture reach."""
+    p = Parameters(curve="pq", direction="decode")
+    facts = {"image": Facts(1, 1, 1, extent=Extent(0, 1e4, 0))}
+    x = np.linspace(1.83, 1.85, 400)
+    found = np.abs(truth64(p, x) - truth64(p, x - 1e-3)).max()
+    assert 1e6 < found <= transfer.propagate(p, facts, 1e-3)
+
+
 def truth64(p: Parameters, x: np.ndarray) -> np.ndarray:
     return transfer.evaluate_truth({"image": Image(x.reshape(1, -1, 1))}, p).reshape(-1)
 
