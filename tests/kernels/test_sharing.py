@@ -44,7 +44,10 @@ def test_a_prefix_that_two_runs_share_is_computed_once(monkeypatch: pytest.Monke
     monkeypatch.setattr(execution, "by_method", noted)
     monkeypatch.setattr(sharing, "of", asking)
     shared = Shared(sharing, {"input.image": "the same picture"})
-    texts = ["soft=gaussian:sigma=3|median:size=3", "blurred=gaussian:sigma=3.0|levels:black=0.1"]
+    texts = [
+        "soft=gaussian:sigma=3,method=fir,tail=0.0001|median:size=3",
+        "blurred=gaussian:sigma=3.0,method=fir,tail=0.0001|levels:black=0.1",
+    ]
     with ThreadPoolExecutor(2) as pool:
         first = pool.submit(prepared(texts[0]).run, shared=shared)
         while "soft" not in done:

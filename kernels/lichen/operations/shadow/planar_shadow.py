@@ -221,7 +221,7 @@ planar_shadow = Operation(
     description=__doc__ or "",
     parameters=Parameters,
     inputs=(
-        Input("matte", "how much of the light each point of the thing holds back, 0 to 1", (1, 3), picture=False),
+        Input("matte", "how much of the light each point of the thing holds back, 0 to 1", (1, 3)),
         Input("depth", "how far from the camera each pixel is, or, of three channels, where", (1, 3), picture=False),
     ),
     light=Light.STORED,

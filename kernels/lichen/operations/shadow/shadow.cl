@@ -78,7 +78,7 @@ FN double8 depths(light_map map, double8 i, double8 j, double8 *step)
     double8 shown = BITS == 3 ? m : (n[36] / m - n[37]) / n[38], large = shown * n[30], short_one = large - (large - shown);
     short_one = isinf(shown) ? shown : short_one;
     double8 kept = BITS == 3 ? short_one : n[36] / (n[37] + n[38] * short_one);
-    *step = fabs(BITS == 3 ? kept : kept * (kept / n[36]) * (n[38] * short_one)) * n[31];
+    *step = isinf(kept) ? ZERO : fabs(BITS == 3 ? kept : kept - kept * kept * (n[37] / n[36])) * n[31];
     m = isinf(m) ? m : kept;
 #elif BITS
     double near = n[36], far = n[37], unit = n[38];

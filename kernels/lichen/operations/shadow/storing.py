@@ -77,12 +77,12 @@ class Stored:
 
     def _floating(self, m: Array, p: Parameters) -> tuple[Array, Array]:
         if self.kind is Store.FLOAT:
-            made = self._rounded(m)
-            return made, np.abs(made) * self.spacing
-        s, a, b = reversed_terms(p)
-        d = self._rounded((s / m - a) / b)
-        made = s / (a + b * d)
-        return made, np.abs(made * (made / s) * (b * d)) * self.spacing
+            made = change = self._rounded(m)
+        else:
+            s, a, b = reversed_terms(p)
+            made = s / (a + b * self._rounded((s / m - a) / b))
+            change = made - made * made * (a / s)  # d times the slope of depth over d, finite at depth 0 too
+        return made, np.where(np.isinf(made), 0.0, np.abs(change) * self.spacing)
 
     def _rounded(self, x: Array) -> Array:
         large = x * self.splitter
