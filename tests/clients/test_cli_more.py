@@ -83,10 +83,10 @@ def test_a_scene_is_computed_as_the_library_does_it(
     assert main(["scene", str(scene), "--explain", sky, *more]) == 0
     assert "environment" in capsys.readouterr().out
     assert main(["scene", str(scene), str(tmp_path / "map.png"), "--map", sky, *more]) == 0
-    assert "which of light_0 each" in capsys.readouterr().err
+    assert "which of light_0, environment each" in capsys.readouterr().err
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     assert main(["scene", str(scene), "--map", sky, *more]) == 0
-    assert json.loads(capsys.readouterr().out)["effects"] == ["light_0"]
+    assert json.loads(capsys.readouterr().out)["effects"] == ["light_0", "environment"]
 
 
 def test_a_scene_goes_through_pipes_and_to_a_service(

@@ -85,7 +85,7 @@ def test_work_ends_before_the_next_stage_when_nobody_waits(service: Service, png
         began.clear()
         head = Head("POST", "/v1/operations/gaussian", (("sigma", "2"),), {}, "test-request", 0.0, float("inf"))
         return service.handle(
-            Request(replace(head, alive=lambda: stop_at not in began, began=began.append, allowed=60.0), png)
+            Request(head._replace(alive=lambda: stop_at not in began, began=began.append, allowed=60.0), png)
         )
 
     for stop_at in ("decode", "run", "encode"):

@@ -33,7 +33,7 @@ from lichen_service.http.exchange import Exchange, FixedBody
 from lichen_service.http.finish import choose_request_id
 from lichen_service.http.message import CLIENT_GONE, Admission, Head, Request, Response
 from lichen_service.http.phase import Phase
-from lichen_service.http.policy import METHODS, HeadScanner, RawHead, Refusal, read_head, usual_head
+from lichen_service.http.policy import METHODS, Heads, RawHead, Refusal
 from lichen_service.http.prompt import Prompt, Prompted
 from lichen_service.http.reactor import READ, WRITE
 from lichen_service.http.streaming import Streaming
@@ -52,7 +52,7 @@ class Connection:
         self._socket = sock
         self._peer = peer
         self._buffer = bytearray()
-        self._scanner = HeadScanner()
+        self._heads = Heads()
         self._exchange = Exchange("")
         self._served = 0
         self._watched = 0
@@ -135,26 +135,16 @@ class Connection:
         """Answer at once what is known by its bytes; false where the connection would end with it."""
         if self._served + 1 >= self._loop.bounds.requests_per_connection or self._ended or self._loop.draining:
             return False
-        started = time.monotonic()
         self._served += 1
         self._buffer.clear()
-        request_id = choose_request_id(None)
-        answer = prompt.answer(request_id)
-        try:
-            sent = self._socket.send(answer)
-        except BlockingIOError:
-            sent = 0
-        if sent == len(answer):
-            ended = time.monotonic()
-            self._loop.answered(Prompted(prompt, request_id, self._peer, sent, started, ended))
-            self._deadline.set(ended + self._loop.settings.idle_timeout)
-            return True
-        exchange = self._exchange = Exchange(request_id, self._peer, prompt.method, prompt.target, keep_alive=True)
-        exchange.out = [memoryview(answer)[sent:]]
-        exchange.sent, exchange.status, exchange.fields = sent, prompt.status, prompt.fields
-        exchange.write_started = started
-        self._begin_writing()
-        self._watch()
+        answered = prompt.send(self._socket, self._peer)
+        if isinstance(answered, Prompted):
+            self._loop.answered(answered)
+            self._next()
+        else:
+            self._exchange = answered
+            self._begin_writing()
+            self._watch()
         return True
 
     # Receiving
@@ -196,30 +186,18 @@ class Connection:
             if self._ended or self._loop.draining:
                 self.close()
             return False
-        if self.phase is Phase.IDLE and (usual := usual_head(self._buffer)) is not None:
-            raw = bytes(self._buffer[: usual[0]])
-            del self._buffer[: usual[0]]
-            self._begin(usual[1], raw)
-            return True
-        end = self._scanner.scan(self._buffer)
-        if end is None:
+        taken = self._heads.take(self._buffer)
+        if taken is None:
             if self._ended:
                 self.close()
             elif self.phase is Phase.IDLE:
                 self.phase = Phase.HEAD
                 self._deadline.set(time.monotonic() + self._loop.settings.header_timeout)
             return False
-        if isinstance(end, Refusal):
-            self._refuse_unread(end)
-            return True
-        raw = bytes(self._buffer[:end])
-        del self._buffer[:end]
-        self._scanner = HeadScanner()
-        opening = read_head(raw)
-        if isinstance(opening, Refusal):
-            self._refuse_unread(opening)
+        if isinstance(taken, Refusal):
+            self._refuse_unread(taken)
         else:
-            self._begin(opening, raw)
+            self._begin(*taken)
         return True
 
     def _take_body(self) -> bool:
@@ -249,7 +227,7 @@ class Connection:
         exchange.received += count
         exchange.held += count
         self._loop.held += count
-        self._deadline.set(self._slowest(exchange.body_started, exchange.received))
+        self._deadline.set(self._loop.slowest(exchange.body_started, exchange.received))
 
     def _take_discarded(self) -> bool:
         dropped = min(self._exchange.discard, len(self._buffer))
@@ -296,7 +274,7 @@ class Connection:
         exchange.caller, exchange.body_started = admission.caller, time.monotonic()
         exchange.body = ChunkedBody(largest) if length is None else FixedBody(length)
         self.phase = Phase.BODY
-        self._deadline.set(self._slowest(exchange.body_started, 0))
+        self._deadline.set(self._loop.slowest(exchange.body_started, 0))
         if exchange.waits_for_continue and self._socket.send(_CONTINUE) != len(_CONTINUE):
             raise ConnectionError("the peer takes no bytes")
 
@@ -319,8 +297,8 @@ class Connection:
     def _decline(self, response: Response) -> None:
         """Answer without reading the body; keep the connection where dropping the body is cheap and unambiguous."""
         exchange = self._exchange
-        length = exchange.head.length if isinstance(exchange.head, Head) else None
-        if length is None or exchange.waits_for_continue or length - len(self._buffer) > self._loop.bounds.drain:
+        length = exchange.discardable
+        if length is None or length - len(self._buffer) > self._loop.bounds.drain:
             exchange.keep_alive = False
         else:
             exchange.discard = length
@@ -347,7 +325,7 @@ class Connection:
             exchange.work_ended = time.monotonic()
             self._loop.worked()
             if response is not None and request.head.alive():
-                self._encode(response)
+                self._loop.encode(self._exchange, response)
                 exchange.send(self._socket)
         except OSError:
             self._gone = True
@@ -369,23 +347,14 @@ class Connection:
 
     def _respond(self, response: Response) -> None:
         self._release_body()
-        self._encode(response)
+        self._loop.encode(self._exchange, response)
         self._exchange.send(self._socket)
         self._begin_writing()
-
-    def _encode(self, response: Response) -> None:
-        exchange = self._exchange
-        exchange.keep_alive &= not self._loop.draining
-        try:
-            exchange.answer(response)
-        except Exception:  # not only BadResponse: a route may have put anything into the fields
-            self._loop.log.failed("response", request_id=exchange.request_id)
-            exchange.answer(self._loop.failure(exchange.request_id))
 
     def _begin_writing(self) -> None:
         self.phase = Phase.WRITE
         if self._exchange.out:
-            self._deadline.set(self._slowest(self._exchange.write_started, self._exchange.sent))
+            self._deadline.set(self._loop.slowest(self._exchange.write_started, self._exchange.sent))
         else:
             self._finish()
 
@@ -400,7 +369,7 @@ class Connection:
             self._linger()
         elif self._exchange.discard:
             self.phase = Phase.DISCARD
-            self._deadline.set(self._slowest(time.monotonic(), self._exchange.discard))
+            self._deadline.set(self._loop.slowest(time.monotonic(), self._exchange.discard))
         else:
             self._next()
 
@@ -415,13 +384,6 @@ class Connection:
         self.phase = Phase.LINGER
         self._deadline.set(time.monotonic() + self._loop.bounds.linger)
         self._socket.shutdown(socket.SHUT_WR)
-
-    def _slowest(self, start: float, count: int) -> float:
-        """Until when a peer may stand still that has moved `count` bytes since `start`.
-
-        A head start buys no longer silence: the system's own buffers take megabytes at once for a peer that then stops.
-        """
-        return self._loop.bounds.patience + min(start + count / self._loop.settings.body_rate, time.monotonic())
 
     def _release_body(self) -> None:
         self._exchange.body = None

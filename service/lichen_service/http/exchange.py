@@ -136,6 +136,11 @@ class Exchange:
                 self.out[0] = self.out[0][count:]
         return True
 
+    @property
+    def discardable(self) -> int | None:
+        """Bytes of a body that may be read and dropped; None where nobody knows them, or they may never come."""
+        return self.head.length if isinstance(self.head, Head) and not self.waits_for_continue else None
+
     def end(self) -> Exchange:
         """The answer has left, or never will."""
         self.ended = time.monotonic()

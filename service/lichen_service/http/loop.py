@@ -95,11 +95,27 @@ class Loop:
 
     # What connections ask for
 
+    def slowest(self, start: float, count: int) -> float:
+        """Until when a peer may stand still that has moved `count` bytes since `start`.
+
+        A head start buys no longer silence: the system's own buffers take megabytes at once for a peer that then stops.
+        """
+        return self.bounds.patience + min(start + count / self.settings.body_rate, time.monotonic())
+
     def answered(self, exchange: Exchange | Prompted) -> None:
         """An answer has left, or never will: its line is written soon, with those of others."""
         self.log.answered(exchange)
         if self._logging.at == math.inf:
             self._logging.set(exchange.ended + LOGGED_WITHIN)
+
+    def encode(self, exchange: Exchange, response: Response) -> None:
+        """Lay out an answer, or that of a failure where it cannot leave as it is. From any thread."""
+        exchange.keep_alive &= not self.draining
+        try:
+            exchange.answer(response)
+        except Exception:  # not only BadResponse: a route may have put anything into the fields
+            self.log.failed("response", request_id=exchange.request_id)
+            exchange.answer(self.failure(exchange.request_id))
 
     def go_on(self, connection: Connection, streaming: Streaming) -> None:
         """An answer that goes on takes the place of the connection whose head it began with."""

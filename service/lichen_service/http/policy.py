@@ -188,6 +188,33 @@ def usual_head(buffer: bytearray) -> tuple[int, RawHead] | None:
     )
 
 
+class Heads:
+    """The heads that a connection begins requests with, one after the other."""
+
+    def __init__(self) -> None:
+        self._scanner: HeadScanner | None = None
+        """of the head of which a part has come"""
+
+    def take(self, buffer: bytearray) -> tuple[RawHead, bytes] | Refusal | None:
+        """The head that a buffer begins with, read and as it came, taken out of it; None where more has to come."""
+        if self._scanner is None:
+            if (usual := usual_head(buffer)) is not None:
+                return usual[1], _taken(buffer, usual[0])
+            self._scanner = HeadScanner()
+        end = self._scanner.scan(buffer)
+        if end is None or isinstance(end, Refusal):
+            return end
+        self._scanner, raw = None, _taken(buffer, end)
+        opening = read_head(raw)
+        return opening if isinstance(opening, Refusal) else (opening, raw)
+
+
+def _taken(buffer: bytearray, count: int) -> bytes:
+    raw = bytes(buffer[:count])
+    del buffer[:count]
+    return raw
+
+
 def check_trailer(line: bytes) -> Refusal | None:
     """Judge one line, CR LF included, after the last chunk. Trailers are dropped afterwards."""
     try:

@@ -13,12 +13,13 @@ Rules
 
 from __future__ import annotations
 
+import socket
 import time
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from lichen_service.http.exchange import Exchange, milliseconds
-from lichen_service.http.finish import date, frame
+from lichen_service.http.finish import choose_request_id, date, frame
 from lichen_service.http.message import Head, Response
 
 MOST = 256
@@ -41,6 +42,21 @@ class Prompt:
     def answer(self, request_id: str) -> bytes:
         """Head and body."""
         return b"%b%b\r\nX-Request-ID: %b\r\n%b" % (self.start, date(int(time.time())), request_id.encode(), self.rest)
+
+    def send(self, sock: socket.socket, peer: str) -> Prompted | Exchange:
+        """Answers; where the socket does not take all of it at once, the exchange that has the rest to send."""
+        started, request_id = time.monotonic(), choose_request_id(None)
+        answer = self.answer(request_id)
+        try:
+            sent = sock.send(answer)
+        except BlockingIOError:
+            sent = 0
+        if sent == len(answer):
+            return Prompted(self, request_id, peer, sent, started, time.monotonic())
+        exchange = Exchange(request_id, peer, self.method, self.target, keep_alive=True)
+        exchange.out, exchange.write_started = [memoryview(answer)[sent:]], started
+        exchange.sent, exchange.status, exchange.fields = sent, self.status, self.fields
+        return exchange
 
 
 class Prompted(NamedTuple):

@@ -267,7 +267,8 @@ class Supervisor:
         if worker.ready_fd >= 0:
             self._became_ready(worker)
         if worker.spare and worker.process.stdin is not None:
-            worker.process.stdin.close()
+            with contextlib.suppress(BrokenPipeError):  # it may have died before it read what its pipe still holds
+                worker.process.stdin.close()
         if worker.spare and self._ends is None:
             self._spare_at = time.monotonic() + max(SPARE_AFTER, self._pause)
             return

@@ -196,10 +196,15 @@ class Running:
         return flaws
 
     def plain(self, given: Uploads, select: str) -> Uploads:
-        """The uploads, of files of data what is selected as NPY. Raises as `decode`, and `InvalidRequest` for a
-        selection from none."""
+        """The uploads, of files of data what is selected as NPY. Raises as `decode`, but leaves to it what is no file
+        of data, and `InvalidRequest` for a selection from none."""
 
         def made(name: str, upload: Upload) -> Upload:
+            try:
+                if not recognise(upload.data).selects:
+                    return upload
+            except LichenError:
+                return upload
             part = selection.for_input(select, name, list(given))
             data = self._decoders.plain(upload.data, media_type=upload.media_type, select=part)
             return upload if data is upload.data else Upload(data, None)
