@@ -80,7 +80,7 @@ def representable(truth: np.ndarray, pixels: np.ndarray, error: float) -> np.nda
 def test_methods_keep_what_they_state(operation: Operation[Any]) -> None:
     tally = Tally()
 
-    @draws(20)
+    @draws(12)
     @given(st.data())
     def holds(data: st.DataObject) -> None:
         inputs, parameters, facts = data.draw(drawing.cases(operation.name))
