@@ -19,6 +19,7 @@ import hashlib
 import logging
 import re
 import threading
+import warnings
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -37,6 +38,10 @@ ROOTS = (_HERE.parent / "operations", _HERE)
 """Where sources are looked for, in this order."""
 INCLUDE = _HERE / "include"
 OPTIONS = ("-cl-std=CL1.2",)
+QUICK = (*OPTIONS, "-D_OPENCL_H_")
+"""Without PoCL's header of the whole language, which takes a third of a second to read; other runtimes have none."""
+LANGUAGE = INCLUDE / "language.clh"
+"""Declares the functions that kernels call, where that header is left out."""
 
 Definitions = Mapping[str, int | float | str]
 """Preprocessor names and values; a float becomes an exact float32 literal, text is taken as it is."""
@@ -90,6 +95,11 @@ def load(name: str) -> Source:
     return Source(name, text, hashlib.sha256(text.encode()).hexdigest())
 
 
+@cache
+def _language() -> str:
+    return "\n".join([*_resolved(LANGUAGE, LANGUAGE.name, set()), ""])
+
+
 def _resolved(path: Path, name: str, once: set[Path], depth: int = 0) -> list[str]:
     """The lines of a file with its includes in their place, marked so that build logs name file and line."""
     text = path.read_text(encoding="utf-8").splitlines()
@@ -138,6 +148,8 @@ class Programs:
     def __init__(self, context: cl.Context, device: cl.Device) -> None:
         self._context = context
         self._device = device
+        pocl = "Portable Computing Language" in device.platform.name
+        self._ways = [(_language(), QUICK)] * pocl + [("", OPTIONS)]
         self._built: OrderedDict[tuple[str, tuple[str, ...]], cl.Program] = OrderedDict()
         self._lock, self._building = threading.Lock(), threading.Lock()
         self._own = threading.local()
@@ -196,20 +208,27 @@ class Programs:
             raise DeviceFailure(f"{source} has no kernel {name} (it has {known}): {error}") from error
 
     def _compile(self, source: Source, definitions: tuple[str, ...]) -> cl.Program:
+        """The quick way where it is enough: a function that is missing from `LANGUAGE` costs time and a warning."""
         import pyopencl as cl
 
-        program = cl.Program(self._context, "\n".join([*definitions, source.text]))
+        text = "\n".join([*definitions, source.text])
+        missed = ""
         restore()
-        try:
-            program.build(list(OPTIONS))
-        except cl.Error as error:
-            log = self._build_log(program) or str(error)
-            given = f" with {', '.join(line.removeprefix('#define ') for line in definitions)}" if definitions else ""
-            raise DeviceFailure(f"{source.name} could not be built{given}:\n{log}") from error
-        log = self._build_log(program)
-        if log:
-            _log.debug("building %s: %s", source.name, log)
-        return program
+        for head, options in self._ways:
+            program = cl.Program(self._context, head + text)
+            try:
+                program.build(list(options))
+            except cl.Error as error:
+                missed = self._build_log(program) or str(error)
+                continue
+            if missed:
+                warnings.warn(f"{source.name} needs more than {LANGUAGE.name} declares:\n{missed}", stacklevel=2)
+            log = self._build_log(program)
+            if log:
+                _log.debug("building %s: %s", source.name, log)
+            return program
+        given = f" with {', '.join(line.removeprefix('#define ') for line in definitions)}" if definitions else ""
+        raise DeviceFailure(f"{source.name} could not be built{given}:\n{missed}")
 
     def _build_log(self, program: cl.Program) -> str:
         import pyopencl as cl

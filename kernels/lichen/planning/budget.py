@@ -69,9 +69,10 @@ def within_error(problem: Problem) -> Choices:
     """The cheapest choices that keep every target. Raises `Unattainable` where an error was asked that none keeps."""
     request, usable = problem.request, problem.usable
     for _, measure in problem.measures:
-        choices = _most_accurate(usable, measure)
-        if problem.excess(choices, measure) <= 1:
-            return _cheapest(problem, choices, measure, problem.targets)
+        found = _alone(problem, measure) if len(usable) == 1 else _together(problem, measure)
+        if found is not None:
+            return found
+    choices = _most_accurate(usable, measure)
     if request.max_error is not None:
         best = problem.error(choices)
         raise Unattainable(
@@ -81,6 +82,18 @@ def within_error(problem: Problem) -> Choices:
             actual=request.max_error,
         )
     return {node.name: _customary(node, usable[node.name]) or choices[node.name] for node in problem.graph.nodes}
+
+
+def _alone(problem: Problem, measure: Measure) -> Choices | None:
+    """The quickest candidate of the one node there is that keeps the targets; no slower one states its error."""
+    ((name, offers),) = problem.usable.items()
+    return next((trial for each in offers.in_turn() if problem.excess(trial := {name: each}, measure) <= 1), None)
+
+
+def _together(problem: Problem, measure: Measure) -> Choices | None:
+    choices = _most_accurate(problem.usable, measure)
+    kept = problem.excess(choices, measure) <= 1
+    return _cheapest(problem, choices, measure, problem.targets) if kept else None
 
 
 def _most_accurate(usable: Mapping[str, Offers], measure: Measure) -> dict[str, Candidate]:
@@ -101,7 +114,7 @@ def _customary(node: Node, offers: Sequence[Candidate]) -> Candidate | None:
 def _cheapest(problem: Problem, choices: Choices, measure: Measure, targets: Mapping[str, float]) -> Choices:
     """From choices that meet the targets to the cheapest that still do."""
     scaled = Problem(problem.graph, problem.facts, problem.request, problem.usable, targets, problem.measures)
-    quickest = {name: offers.least(_by_time) for name, offers in problem.usable.items()}
+    quickest = {name: offers.quickest for name, offers in problem.usable.items()}
     if scaled.excess(quickest, measure) <= 1:
         return quickest
     trials = sum(len(offers) for offers in problem.usable.values())
@@ -110,15 +123,11 @@ def _cheapest(problem: Problem, choices: Choices, measure: Measure, targets: Map
     return _searched(scaled, choices, measure)
 
 
-def _by_time(offer: Candidate) -> tuple[float, float]:
-    return offer.seconds, offer.error.value
-
-
 def _searched(problem: Problem, choices: Choices, measure: Measure) -> Choices:
     limits = _limits(problem)
     for names in sorted(_alike(problem), key=lambda names: -choices[names[0]].seconds):
         limit = min(limits.get(name, math.inf) for name in names)
-        for offer in sorted(problem.usable[names[0]], key=_by_time):
+        for offer in problem.usable[names[0]].in_turn():
             if share(measure(offer.error), limit) > 1:
                 continue  # what arrives beside only adds
             trial = {**choices, **dict.fromkeys(names, offer)}

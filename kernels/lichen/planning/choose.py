@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 from lichen.accuracy.precision import Precision
@@ -41,7 +42,7 @@ from lichen.planning.graph import (
     Request,
     inputs_of,
 )
-from lichen.planning.predict import Offer
+from lichen.planning.predict import Offer, Told
 
 DOUBLE_ROUNDING = 2.0**-40
 """Relative to the output's magnitude: of sums of thousands of terms in doubles, whatever order they are added in."""
@@ -63,9 +64,9 @@ def choose(graph: Graph, request: Request) -> Graph:
     nodes = tuple(node.chosen(choices[node.name], offers[node.name]) for node in graph.nodes)
     said = _reason(request, min(targets.values()))
     return graph.replace(nodes=nodes).deciding(
-        Decision("choose", node.name, f"method {_label(node.choice)}", said, node.choice.error.value, _saved(node))
+        Decision("choose", node.name, f"method {_label(made)}", said, made.error.value, partial(_saved, node))
         for node in nodes
-        if node.choice is not None and node.choice.passes is None
+        if (made := node.choice) is not None and made.passes is None
     )
 
 
@@ -107,7 +108,7 @@ def _definition(node: Node, facts: Mapping[str, Facts], request: Request, relati
     """Truth itself, in doubles, with its rounding relative to the output's magnitude."""
     rounding = relative * facts[node.name].extent.magnitude
     seconds = node.operation.truth_seconds(node.parameters, inputs_of(node, facts))
-    return Offers([Candidate(TRUTH, None, Error(rounding, "bound", rounding), seconds)])
+    return Offers([Candidate(TRUTH, None, Told(Error(rounding, "bound", rounding)), seconds)])
 
 
 def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> Offers:
@@ -159,7 +160,7 @@ def _settings(
     for setting in settings:
         offer = stated[method.name, setting] if asked is None else node.offer(facts, method.name, setting)
         seconds = rate.start + rate.step * offer.work
-        yield Candidate(method.name, setting, offer.error, seconds, offer.unfit)
+        yield Candidate(method.name, setting, offer, seconds)
 
 
 def _left_out(node: Node, facts: Mapping[str, Facts], request: Request) -> Iterator[Candidate]:
@@ -169,7 +170,7 @@ def _left_out(node: Node, facts: Mapping[str, Facts], request: Request) -> Itera
         return
     for key, change in node.about(facts).departure.items():
         if _alike(known[key], made) and (change == 0 or request.max_ms is None):
-            yield Candidate(LEFT_OUT, None, Error(change, "bound"), 0.0, passes=key)
+            yield Candidate(LEFT_OUT, None, Told(Error(change, "bound")), 0.0, key)
 
 
 def _alike(given: Facts, made: Facts) -> bool:

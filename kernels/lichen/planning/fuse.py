@@ -125,7 +125,7 @@ def _alike(one: Facts, other: Facts) -> bool:
 def _decision(chain: Sequence[str], facts: Mapping[str, Facts]) -> Decision:
     saved = (len(chain) - 1) * (MOVED["start"] + MOVED["step"] * facts[chain[-1]].samples)
     reason = f"one kernel does {', '.join(chain)}"
-    return Decision("fuse", chain[-1], f"fused with {len(chain) - 1} before it", reason, saved_ms=saved * 1e3)
+    return Decision("fuse", chain[-1], f"fused with {len(chain) - 1} before it", reason, saved=saved * 1e3)
 
 
 def text_of(stages: Sequence[Stage], channels: int, alphas: Sequence[Alpha]) -> str:

@@ -7,9 +7,10 @@ at a pixel.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 from lichen.accuracy.precision import Precision, keeping
@@ -33,7 +34,12 @@ class Decision:
     action: str
     reason: str
     bound: float = 0.0
-    saved_ms: float = 0.0
+    saved: float | Callable[[], float] = 0.0
+    """the milliseconds, or what finds them when they are asked for"""
+
+    @property
+    def saved_ms(self) -> float:
+        return self.saved() if callable(self.saved) else self.saved
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -52,12 +58,19 @@ class Candidate:
 
     method: str
     knob: float | None
-    error: Error
+    stated: predict.Offer | predict.Told
     seconds: float
-    unfit: str | None = None
-    """why it cannot be taken at all"""
     passes: str | None = None
     """the input that is handed on as it is, where the method is to leave the node out"""
+
+    @property
+    def error(self) -> Error:
+        return self.stated.error
+
+    @property
+    def unfit(self) -> str | None:
+        """Why it cannot be taken at all."""
+        return self.stated.unfit
 
 
 class Offers(tuple[Candidate, ...]):
@@ -74,9 +87,23 @@ class Offers(tuple[Candidate, ...]):
         """Those that can be taken."""
         return Offers([offer for offer in self if offer.unfit is None])
 
+    def in_turn(self) -> Iterator[Candidate]:
+        """The quickest first, and of equally quick ones the most accurate. No error is asked for but theirs."""
+        for _, together in groupby(sorted(self, key=_seconds), key=_seconds):
+            equal = list(together)
+            yield from sorted(equal, key=lambda offer: offer.error.value) if len(equal) > 1 else equal
+
+    @cached_property
+    def quickest(self) -> Candidate:
+        return next(self.in_turn())
+
     @cached_property
     def _least(self) -> dict[Callable[[Candidate], Any], Candidate]:
         return {}
+
+
+def _seconds(offer: Candidate) -> float:
+    return offer.seconds
 
 
 NOTHING = Offers()

@@ -174,7 +174,7 @@ def hidden(graph: Graph, request: Request) -> Graph:
         share = 1 - width * height / facts[node.name].pixels
         reason = f"its {upper} covers all else of {facts[node.name].width}x{facts[node.name].height} px wholly"
         action = f"computed on {width}x{height} from ({left}, {top})"
-        decisions.append(Decision("hidden", node.name, action, reason, saved_ms=share * cost(node, facts, request)))
+        decisions.append(Decision("hidden", node.name, action, reason, saved=share * cost(node, facts, request)))
     if not moved:
         return graph
     outputs = {

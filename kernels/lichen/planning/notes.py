@@ -109,7 +109,7 @@ def _narrowed(plan: Plan) -> Iterator[str]:
             alike.setdefault((each.action, each.reason), []).append(each)
     for (action, reason), all_ in alike.items():
         names, saved = ", ".join(each.node for each in all_), sum(each.saved_ms for each in all_)
-        yield _item(Decision("", names, action, reason, saved_ms=saved))
+        yield _item(Decision("", names, action, reason, saved=saved))
 
 
 def _gone(each: Decision) -> str:

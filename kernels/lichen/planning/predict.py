@@ -1,4 +1,4 @@
-"""What operations predict of themselves, asked once.
+"""What operations predict of themselves, asked once and not before it is needed.
 
 Passes ask for the same many times over: facts of a node's result, how far an error is carried, what its methods state.
 All of it follows from the operation, its parameters and the facts of its inputs alone, so answers are kept: `about`
@@ -8,12 +8,12 @@ finds what was asked before of the same three, and `About` keeps what it is told
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, TypeAlias
 
 from lichen.joining import Link
-from lichen.operation import Error, Facts, Operation, OperationParameters
+from lichen.operation import Error, Facts, Method, Operation, OperationParameters
 from lichen.stage import Stage
 
 KEPT = 1 << 14
@@ -24,12 +24,41 @@ Key: TypeAlias = tuple[Operation[Any], OperationParameters, tuple[str, ...], tup
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
-    """A method at a setting of its knob, and what it states."""
+class Told:
+    """What is known of a candidate without asking a method."""
 
     error: Error
-    work: float
-    unfit: str | None
+    unfit: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Offer:
+    """A method at a setting of its knob, and what it states when asked: an error may take milliseconds to prove."""
+
+    about: About = field(repr=False)
+    method: str
+    knob: float | None
+
+    @cached_property
+    def error(self) -> Error:
+        return self._method.error(self.about.parameters, self._setting, self.about.facts)
+
+    @cached_property
+    def work(self) -> float:
+        return self._method.work(self.about.parameters, self._setting, self.about.facts)
+
+    @cached_property
+    def unfit(self) -> str | None:
+        """Why it cannot be taken at all."""
+        return self._method.unfit(self.about.parameters, self.about.facts)
+
+    @property
+    def _method(self) -> Method[Any]:
+        return self.about.operation.methods[self.method]
+
+    @property
+    def _setting(self) -> float:
+        return self.knob if self.knob is not None else 0.0
 
 
 class About:
@@ -63,14 +92,14 @@ class About:
     def offers(self) -> Mapping[tuple[str, float | None], Offer]:
         """What all methods state, at all values of their knobs."""
         return {
-            (each.name, knob): self._stated(each.name, knob)
+            (each.name, knob): Offer(self, each.name, knob)
             for each in self.operation.methods.values()
             for knob in (each.knob.values if each.knob else (None,))
         }
 
     def offer(self, name: str, knob: float | None) -> Offer:
         """What one method states at one setting."""
-        return self.offers.get((name, knob)) or self._stated(name, knob)
+        return self.offers.get((name, knob)) or Offer(self, name, knob)
 
     def stage(self, name: str) -> Stage | None:
         """What one method is as a step of a chain."""
@@ -97,12 +126,6 @@ class About:
     def link(self) -> Link | None:
         """What it is for its neighbours."""
         return self.operation.link(self.parameters, self.facts)
-
-    def _stated(self, name: str, knob: float | None) -> Offer:
-        method, setting = self.operation.methods[name], knob if knob is not None else 0.0
-        error = method.error(self.parameters, setting, self.facts)
-        work = method.work(self.parameters, setting, self.facts)
-        return Offer(error, work, method.unfit(self.parameters, self.facts))
 
 
 MOST_ERRORS = 64

@@ -27,7 +27,7 @@ def unread(graph: Graph, request: Request) -> Graph:
     facts = graph.facts()
     names = {node.name for node in dropped}
     return graph.replace(nodes=tuple(node for node in graph.nodes if node.name not in names)).deciding(
-        Decision("unread", node.name, "dropped", "nothing reads its result", saved_ms=cost(node, facts, request))
+        Decision("unread", node.name, "dropped", "nothing reads its result", saved=cost(node, facts, request))
         for node in dropped
     )
 
@@ -45,7 +45,7 @@ def shared(graph: Graph, request: Request) -> Graph:
         facts = facts or graph.facts()
         moved[node.name] = Moved(first[same])
         reason, saved = f"{first[same]} computes the same", cost(node, facts, request)
-        decisions.append(Decision("shared", node.name, "dropped", reason, saved_ms=saved))
+        decisions.append(Decision("shared", node.name, "dropped", reason, saved=saved))
     return graph.reading(moved).deciding(decisions)
 
 
@@ -71,7 +71,7 @@ def identity(graph: Graph, request: Request) -> Graph:
         assert source is not None, "only nodes that read something return their first input"
         moved[node.name] = Moved(moved[source].source if source in moved else source)
         decisions.append(
-            Decision("identity", node.name, "dropped", reason, saved_ms=cost(node, facts, request)),
+            Decision("identity", node.name, "dropped", reason, saved=cost(node, facts, request)),
         )
         if node.operation.finds:
             observers.append(node)
@@ -141,7 +141,7 @@ def swept(before: Graph, graph: Graph, request: Request, cause: str, undone: Ite
         why.setdefault(first, f"{second} undoes it")
     return graph.replace(nodes=tuple(kept)).deciding(
         Decision(cause, node.name, "dropped", why.get(node.name, "nothing reads its result any more"),
-                 saved_ms=cost(node, facts, request))
+                 saved=cost(node, facts, request))
         for node in gone
     )  # fmt: skip
 

@@ -113,7 +113,7 @@ def region(graph: Graph, request: Request) -> Graph:
             node.name,
             f"computed on {_said(narrowed.parts[node.name].covers)}",
             f"no more of its {facts[node.name].width}x{facts[node.name].height} px reaches an output",
-            saved_ms=max(cost(node, facts, request) - cost(made.named(node.name), small, request), 0.0),
+            saved=max(cost(node, facts, request) - cost(made.named(node.name), small, request), 0.0),
         )
         for node in graph.nodes
         if node.name in narrowed.parts

@@ -141,6 +141,19 @@ def test_build_errors_name_source_line_and_cause(device: Device, tmp_path: Path)
         assert expected in str(raised.value)
 
 
+def test_a_function_that_is_not_declared_costs_a_second_build(device: Device, tmp_path: Path) -> None:
+    if "Portable Computing Language" not in device.runtime:
+        pytest.skip("other runtimes read no header")
+    (tmp_path / "rare.cl").write_text(
+        "__kernel void run(__global float* a) { if (!get_global_id(0)) a[0] = tan(a[0]); }"
+    )
+    out = ramp(5)[4:]
+    said = r"rare.cl needs more than language.clh declares:[\s\S]*tan"
+    with pytest.warns(UserWarning, match=said), device.session() as session:
+        session.launch(str(tmp_path / "rare.cl"), "run", (1,), session.readwrite(out))
+    assert out[0] == pytest.approx(np.tan(4), rel=1e-5)
+
+
 def test_wrong_launches_say_what_is_wrong(device: Device) -> None:
     values, count = ramp(8), np.int32(8)
     with device.session() as session:

@@ -17,6 +17,7 @@ from lichen.opencl.device import default_device
 from lichen.operation import Error, Facts, Method, Operation, no_stage
 from lichen.planning.fuse import LONGEST, stage_of
 from lichen.planning.graph import Candidate, Graph, Node
+from lichen.planning.predict import Told
 
 OPERATIONS = dict(lichen.operations())
 STAGED = {
@@ -55,7 +56,7 @@ def test_a_stage_does_what_its_method_does(
     for example in operation.examples[: 2 if (channels, alpha) == (4, Alpha.NONE) else None]:
         parameters = operation.validate(example)
         name = operation.inputs[0].name
-        choice = Candidate(method.name, None, Error(0.0, "bound"), 0.0)
+        choice = Candidate(method.name, None, Told(Error(0.0, "bound")), 0.0)
         node = Node("a", operation, parameters, {name: "in"}, choice)
         if operation.check(parameters, {name: facts["in"]}):
             continue

@@ -11,6 +11,7 @@ import pytest
 import lichen
 from lichen.planning.graph import Candidate
 from lichen.planning.plan import Plan
+from lichen.planning.predict import Told
 from lichen.planning.verdicts import outcomes, verdicts
 
 IMAGE = np.random.default_rng(0).random((96, 96, 3), dtype=np.float32)
@@ -101,7 +102,7 @@ def test_ties_are_no_slower(seconds: float, error: float, said: str) -> None:
         taken,
         knob=0.123,
         seconds=taken.seconds + seconds,
-        error=dataclasses.replace(taken.error, value=taken.error.value + error),
+        stated=Told(dataclasses.replace(taken.error, value=taken.error.value + error)),
     )
     changed: Any = dataclasses.replace(node, alternatives=(taken, beside))
     assert verdicts(plan.graph, plan.request, changed) == ["taken", said]
