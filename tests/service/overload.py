@@ -1,11 +1,12 @@
 """What the service does under more load than it can bear.
 
-    python tests/service/overload.py [seconds]
+    python tests/service/overload.py [seconds] [rounds]
 
 An open loop offers 1, 2, 5 and 10 times what four clients that wait for their answers get through, without waiting
 itself, and counts what came back, how soon refusals did, and how /livez fared meanwhile. The service has one processor
-for itself, and its clients have another: what they do is not taken from it. How busy both were is printed, and what was
-done is also told for each second that the service was on its processor, which others may have used as well.
+for itself, and its clients have another: what they do is not taken from it. What was done is told for each second that
+the service was on its processor, which others may have used as well, and loads are compared within a round, since a
+machine that is shared is not as fast at one time as at another.
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ import os
 import random
 import selectors
 import socket
+import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from subprocess import PIPE
 
 from load import share
 from soak import served
@@ -91,8 +93,36 @@ class Crowd:
                 awaited = self._connected()
             self.free.append(awaited)
 
+    def leave(self) -> None:
+        """When all answers have come."""
+        good, refused = list(self.good), list(self.refused)
+        while len(self.free) < len(self._selector.get_map()):
+            self.listen(1.0)
+        self.good, self.refused = good, refused
+        for key in list(self._selector.get_map().values()):
+            key.data.sock.close()
+        self._selector.close()
 
-def offer(port: int, pid: int, rate: float, seconds: float) -> dict[str, Any]:
+
+@dataclass
+class Window:
+    """What became of what was offered for a while."""
+
+    seconds: float
+    good: list[float]
+    refused: list[float]
+    unsent: int
+    service: float
+    clients: float
+    """parts of a processor that both took"""
+
+    @property
+    def rate(self) -> float:
+        """Good answers in a second that the service was on its processor."""
+        return len(self.good) / self.seconds / max(self.service, 0.01)
+
+
+def offer(port: int, pid: int, rate: float, seconds: float) -> Window:
     """What becomes of so many requests a second, sent whether or not those before are answered; with rate 0 of four
     clients that each wait for their answers."""
     crowd = Crowd(port, CONNECTIONS if rate else 4)
@@ -105,13 +135,9 @@ def offer(port: int, pid: int, rate: float, seconds: float) -> dict[str, Any]:
         if rate and not crowd.free:
             unsent = max(unsent, int(due) - crowd.sent)
         crowd.listen(0.0005 if rate else 0.1)
-    return {
-        "good": crowd.good,
-        "refused": crowd.refused,
-        "unsent": unsent,
-        "service": (processor_seconds(pid) - spent[0]) / seconds,
-        "clients": (time.process_time() - spent[1]) / seconds,
-    }
+    service, clients = processor_seconds(pid) - spent[0], time.process_time() - spent[1]
+    crowd.leave()
+    return Window(seconds, crowd.good, crowd.refused, unsent, service / seconds, clients / seconds)
 
 
 def probe(port: int, seconds: float) -> list[float]:
@@ -132,46 +158,47 @@ def processor_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def beside(processor: int, *command: object) -> subprocess.Popen[bytes]:
-    """A part of this script in a process of its own, on that processor."""
-    process = subprocess.Popen([sys.executable, __file__, *map(str, command)], stdout=subprocess.PIPE)
-    os.sched_setaffinity(process.pid, {processor})
-    return process
-
-
-def overload(seconds: float) -> None:
+def overload(seconds: float, rounds: int) -> None:
     own, others = sorted(os.sched_getaffinity(0))[:2]
+    os.sched_setaffinity(0, {others})
     with served("soak:create", queue=16, cache=0) as (port, pid):
         for thread in Path(f"/proc/{pid}/task").iterdir():
             os.sched_setaffinity(int(thread.name), {own})
-        offered, peak = 0.0, 0.0
-        for times in (0, 0, 1, 2, 5, 10):
-            clients = beside(others, "offer", port, pid, times * offered, seconds)
-            alive = beside(others, "probe", port, seconds)
-            found, waits = (json.loads(each.communicate()[0]) for each in (clients, alive))
-            good, refused = found["good"], found["refused"]
-            offered = offered if times else len(good) / seconds
-            own_time = max(found["service"], 0.01)
-            rate = len(good) / seconds / own_time
-            peak = max(peak, rate)
+        offer(port, pid, 0, seconds)
+        windows: dict[float, list[Window]] = {times: [] for times in (0, 1, 2, 5, 10)}
+        waits: dict[float, list[float]] = {times: [] for times in windows}
+        shares: dict[float, list[float]] = {times: [] for times in windows}
+        for _ in range(rounds):
+            most = 0.0
+            for times in windows:
+                alive = subprocess.Popen([sys.executable, __file__, "probe", str(port), str(seconds)], stdout=PIPE)
+                window = offer(port, pid, times * most, seconds)
+                waits[times] += json.loads(alive.communicate()[0])
+                windows[times].append(window)
+                most = most or len(window.good) / seconds
+            best = max(each[-1].rate for each in windows.values())
+            for times, each in windows.items():
+                shares[times].append(each[-1].rate / best)
+        for times, each in windows.items():
+            good, refused = ([took for one in each for took in getattr(one, kind)] for kind in ("good", "refused"))
+            told = f"offered {times}x" if times else "four that wait"
             print(
-                f"{f'offered {times}x' if times else 'four that wait'}: good {len(good) / seconds:.1f}/s, "
-                f"{rate:.1f} in a second of the service's processor ({rate / peak:.0%} of the most), "
-                f"p99 {share(good, 0.99):.0f} ms; refused {len(refused) / seconds:.1f}/s, "
-                f"median {share(refused, 0.5):.1f}, p99 {share(refused, 0.99):.1f} ms; unsent {found['unsent']}; "
-                f"/livez p99 {share(waits, 0.99):.1f} ms; busy {own_time:.0%}, clients {found['clients']:.0%}",
+                f"{told}: {statistics.median(one.rate for one in each):.1f} good answers in a second of its processor, "
+                f"{statistics.median(shares[times]):.0%} of the most in a round, p99 {share(good, 0.99):.0f} ms; "
+                f"refused {len(refused) / seconds / rounds:.0f}/s, median {share(refused, 0.5):.1f}, "
+                f"p99 {share(refused, 0.99):.1f} ms; unsent {sum(one.unsent for one in each)}; "
+                f"/livez p99 {share(waits[times], 0.99):.1f} ms; busy "
+                f"{statistics.median(one.service for one in each):.0%}, clients "
+                f"{statistics.median(one.clients for one in each):.0%}",
                 flush=True,
             )
 
 
 def main(arguments: Sequence[str]) -> None:
-    match arguments:
-        case ["probe", port, seconds]:
-            print(json.dumps(probe(int(port), float(seconds))))
-        case ["offer", port, pid, rate, seconds]:
-            print(json.dumps(offer(int(port), int(pid), float(rate), float(seconds))))
-        case [*given]:
-            overload(float(given[0]) if given else 6.0)
+    if arguments[:1] == ["probe"]:
+        print(json.dumps(probe(int(arguments[1]), float(arguments[2]))))
+    else:
+        overload(float(arguments[0]) if arguments else 3.0, int(arguments[1]) if arguments[1:] else 5)
 
 
 if __name__ == "__main__":
