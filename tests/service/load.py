@@ -13,6 +13,7 @@ import contextlib
 import http.client
 import os
 import re
+import selectors
 import shutil
 import signal
 import socket
@@ -25,11 +26,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import soak
 
 from lichen.files import encode
 from lichen.image import Image
+from lichen_service.http.limits import Bounds
 
 PHOTO = bytes(encode(Image(np.random.default_rng(1).random((64, 64, 3), np.float32)), "png").data)
+HEAD, BODY, PATIENCE = 5, 65536, Bounds().patience
 BLUR = "/v1/operations/gaussian?sigma=2&format=png"
 
 
@@ -121,34 +125,67 @@ def share(times: list[float], part: float) -> float:
 
 
 def half_open() -> None:
-    with served(threads=2, spare="off", header_timeout=5.0) as service:
-        (worker,) = service.children("lichen_service.http.worker")
+    with soak.served("soak:create", header_timeout=HEAD, body_rate=BODY) as (port, worker):
         threads = Path(f"/proc/{worker}/task")
-        service.until_warm()
-        before, began, slow = len(list(threads.iterdir())), time.monotonic(), []
-        for _ in range(2000):
-            sock = socket.create_connection(("127.0.0.1", service.port))
-            sock.sendall(b"GET / HTTP/1.1\r\nHost: a\r\nX-Slow:")
-            slow.append(sock)
+        waits = {"alone": _asked(port), "among them": []}
+        before, began = len(list(threads.iterdir())), time.monotonic()
+        silent = [_opened(port, b"GET / HTTP/1.1\r\nHost: a\r\nX-Slow:") for _ in range(2000)]
         opened = time.monotonic() - began
-        waits = []
-        for at in range(60):
-            started = time.monotonic()
-            assert service.ask("GET", f"/v1/operations?{at}")[0] == 200
-            waits.append(time.monotonic() - started)
+        waits["among them"] = _asked(port)
         held = len(list(threads.iterdir()))
-        cut = []
-        for sock in slow:
-            sock.settimeout(30)
-            while sock.recv(4096):
-                pass
-            cut.append(time.monotonic() - began)
-            sock.close()
-        print(
-            f"2000 half-open connections (made in {opened:.2f} s): threads {before} before, {held} meanwhile; "
-            f"good requests p50 {share(waits, 0.5):.1f}, p99 {share(waits, 0.99):.1f} ms; "
-            f"all cut {max(cut):.2f} s after the first was made"
+        heads = _until_cut(silent)
+        trickling = [_opened(port, b"GET / HTTP/1.1\r\nHost: a\r\nX-Slow:") for _ in range(20)]
+        dripped = _until_cut(trickling, b"x")
+        bodies = _until_cut(
+            [_opened(port, b"POST /v1/operations/box HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\n")]
         )
+    print(f"2000 half-open connections (made in {opened:.2f} s): threads {before} before, {held} meanwhile")
+    for where, each in waits.items():
+        print(f"a good request {where}: median {share(each, 0.5):.1f}, p99 {share(each, 0.99):.1f} ms")
+    for what, each, due in (
+        ("silent heads", heads, HEAD),
+        ("heads of a byte each half second", dripped, HEAD),
+        ("a silent body", bodies, PATIENCE),
+    ):
+        print(f"{what}: cut {min(each):.2f} to {max(each):.2f} s after they began, of {due:.0f} s allowed")
+
+
+def _opened(port: int, sent: bytes) -> tuple[socket.socket, float]:
+    sock = socket.create_connection(("127.0.0.1", port))
+    sock.sendall(sent)
+    return sock, time.monotonic()
+
+
+def _asked(port: int, count: int = 200) -> list[float]:
+    """How long runs take, from one client."""
+    connection, times = http.client.HTTPConnection("127.0.0.1", port), []
+    for at in range(count + 20):
+        began = time.monotonic()
+        connection.request("POST", f"{BLUR}&max_ms={1000 + at}", PHOTO)
+        assert connection.getresponse().read()
+        times.append(time.monotonic() - began)
+    return times[20:]
+
+
+def _until_cut(slow: list[tuple[socket.socket, float]], drip: bytes = b"") -> list[float]:
+    """Seconds from the beginning of each until the service has closed it."""
+    selector, cut, dripped = selectors.DefaultSelector(), [], 0.0
+    for sock, began in slow:
+        sock.setblocking(False)
+        selector.register(sock, selectors.EVENT_READ, began)
+    while selector.get_map():
+        for key, _ in selector.select(0.05):
+            assert isinstance(key.fileobj, socket.socket)
+            if b"408" in key.fileobj.recv(4096)[:20]:
+                cut.append(time.monotonic() - key.data)
+                selector.unregister(key.fileobj)
+                key.fileobj.close()
+        if drip and time.monotonic() > dripped + 0.5:
+            dripped = time.monotonic()
+            for key in selector.get_map().values():
+                assert isinstance(key.fileobj, socket.socket)
+                key.fileobj.send(drip)
+    return cut
 
 
 # --------------------------------------------------------------------------------------------------------------- bombs
