@@ -115,8 +115,9 @@ class Reactor:
         """Serve until `stop`; all that is called must let no exception escape."""
         while not self._stopped:
             self._asleep = True
-            if (rest := self.rest()) and not self._posted:
-                select.select([self._woken], [], [], min(rest, self._pause() or 0.0))
+            if rest := self.rest():
+                pause = self._pause()
+                select.select([self._woken], [], [], rest if pause is None else min(rest, pause))
             ready = self._selector.select(self._pause())
             self._asleep = False
             for key, mask in ready:
