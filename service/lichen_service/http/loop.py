@@ -32,7 +32,7 @@ from lichen_service.problems import problem
 _OUT_OF_MEANS = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
 LOGGED_WITHIN = 0.02
 """seconds after an answer has left"""
-REST = 0.004
+REST = 0.008
 """seconds between rounds while all places are taken: refusals made together take the processor, and the interpreter,
 from those who compute less often"""
 _ACCEPTS_AT_ONCE = 8
