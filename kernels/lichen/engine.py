@@ -31,7 +31,8 @@ from lichen.order import BACKENDS, Order, Picture, read_order, read_pipeline_ord
 from lichen.planning.graph import RESULT, Decision, Graph
 from lichen.planning.hidden import thin
 from lichen.planning.pipeline import Pipeline
-from lichen.planning.plan import Plan, make_plan
+from lichen.planning.plan import Plan
+from lichen.planning.remember import remembered
 from lichen.sharing import Shared
 from lichen.verification import Verification, verify
 
@@ -353,11 +354,10 @@ def _prepared_on(
     started = time.perf_counter()
     order = read(_backend(device))
     facts = {key: Facts.of(_measured(value, device)) for key, value in order.images.items()}
-    order.refuse_flaws(facts)
     request = dataclasses.replace(order.request, rates=times.current(order.request.backend))
     hiding = thin(order.nodes, order.images, prune=order.request.prune)
     graph = Graph(facts, order.nodes, order.outputs, decided, order.precision, thin=hiding)
-    plan = make_plan(graph, request)
+    plan = remembered(graph, request, lambda: order.refuse_flaws(facts))
     return Prepared(order, plan, time.perf_counter() - started, device, fallback)
 
 
