@@ -9,6 +9,7 @@ it late, and late means not ready, without taking down the thread that asks.
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -55,12 +56,10 @@ def example(operation: Operation[Any]) -> tuple[dict[str, Image], dict[str, Any]
 
 
 def _ramp(declared: Input, channels: int) -> Image:
-    """A tiny picture, of those a display shows where it may be one, with as near to `channels` channels as the input
-    takes."""
+    """A tiny picture with as near to `channels` channels as the input takes."""
     fewest, most = declared.channels
     ramp = np.linspace(0.1, 0.9, SIDE * SIDE, dtype=np.float32).reshape(SIDE, SIDE, 1)
-    space = Space.SRGB if declared.picture else Space.DATA
-    return Image(np.repeat(ramp, min(max(channels, fewest), most or channels), axis=2), space, storage=Storage.UINT8)
+    return Image(np.repeat(ramp, min(max(channels, fewest), most or channels), axis=2))
 
 
 def warm_up(device: str | None = None) -> Iterator[tuple[str, str, LichenError | None]]:
@@ -74,8 +73,10 @@ def warm_up(device: str | None = None) -> Iterator[tuple[str, str, LichenError |
         if made is None:
             continue
         inputs, parameters = made
-        usual: dict[str, Any] = {"storage": Storage.UINT8}
-        for wish in (usual, *({"method": method, "prune": False} for method in operation.methods)):
+        shown = [each.name for each in operation.inputs if each.picture and each.name in inputs]
+        usual: dict[str, Any] = {name: dataclasses.replace(inputs[name], space=Space.SRGB) for name in shown}
+        wishes = [{"method": method, "prune": False} for method in operation.methods]
+        for wish in ({**usual, "storage": Storage.UINT8}, *wishes):
             said = wish.get("method", "as it is chosen")
             arguments: dict[str, Any] = {**inputs, **parameters, **wish, "device": device}
             try:

@@ -81,6 +81,12 @@ def settings(method: Method[Any]) -> tuple[float, ...]:
     return method.knob.values if method.knob else (0.0,)
 
 
+def ends(method: Method[Any]) -> tuple[float, ...]:
+    """The coarsest and the finest setting, between which the others lie."""
+    values = settings(method)
+    return values if len(values) < 3 else (values[0], values[-1])
+
+
 def compute(method: Method[Any], backend: str, inputs: Mapping[str, Image], parameters: Any, knob: float) -> np.ndarray:
     with np.errstate(all="ignore"):
         if backend == "numpy":
@@ -110,7 +116,7 @@ def test_methods_keep_the_error_they_state(operation: Operation[Any], content: s
         for method in operation.methods.values():
             if method.unfit(parameters, facts) is not None:
                 continue
-            for knob, backend in product(settings(method), BACKENDS):
+            for knob, backend in product(settings(method) if content == "noise" else ends(method), BACKENDS):
                 stated = method.error(parameters, knob, facts)
                 pixels = compute(method, backend, inputs, parameters, knob)
                 assert pixels.dtype == np.float32

@@ -9,7 +9,7 @@ divided by that magnitude, stated error and all: 1 in 10 000 is the same accurac
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -105,8 +105,21 @@ Key = tuple[str, float | None, str]
 """Method, knob and precision."""
 
 
-def errors(operation: Operation[Any], number: int, size: int | None = None) -> list[Entry]:
-    """The errors of all settings at the operation's example `number`, over the corpus at `size`.
+def ends(operation: Operation[Any]) -> Iterator[Setting]:
+    """All methods at the first and the last declared value of their knobs."""
+    for method in operation.methods.values():
+        values = method.knob.values if method.knob else (None,)
+        for knob in dict.fromkeys((values[0], values[-1])):
+            yield Setting(method, knob)
+
+
+def errors(
+    operation: Operation[Any],
+    number: int,
+    size: int | None = None,
+    tried: Callable[[Operation[Any]], Iterable[Setting]] = settings,
+) -> list[Entry]:
+    """The errors of all settings that are `tried` at the operation's example `number`, over the corpus at `size`.
 
     The most accurate setting comes in stores of less precision, too.
     """
@@ -123,7 +136,8 @@ def errors(operation: Operation[Any], number: int, size: int | None = None) -> l
         beyond = np.abs(truth) > np.finfo(np.float32).max
         truth = np.where(beyond, np.copysign(np.inf, truth), truth)
         known.append((case, truth))
-        for setting, backend in product(_able(operation, parameters, case), backends()):
+        able = (each for each in tried(operation) if each.method.unfit(parameters, case.facts) is None)
+        for setting, backend in product(able, backends()):
             apart = difference(setting.compute(backend, case.inputs, parameters), truth)
             key = (setting.method.name, setting.knob, PRECISION)
             stated = setting.error(case, parameters)

@@ -1,4 +1,6 @@
-"""The error table says what is: a part of it is computed again, and every figure keeps what the methods state."""
+"""The error table says what is: a part of it is computed again, and every figure keeps what the methods state.
+
+Of every operation that is one example, at the ends of all knobs and in all stores."""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ import pytest
 
 from lichen.calibration import table
 from lichen.calibration.corpus import typical
-from lichen.calibration.sweep import PRECISION, errors, settings
+from lichen.calibration.sweep import PRECISION, ends, errors, settings
 from lichen.calibration.table import Entry, Table
 from lichen.calibration.variants import STORES
 from lichen.catalogue import operations
@@ -74,7 +76,7 @@ def test_what_it_says_is_found_again(name: str) -> None:
     example = _cheapest(name)
     kept = {(entry.method, entry.knob, entry.precision): entry for entry in table.load().of(name, example)}
     drifted = []
-    for found in errors(OPERATIONS[name], example, next(iter(kept.values())).size):
+    for found in errors(OPERATIONS[name], example, next(iter(kept.values())).size, ends):
         entry = kept[found.method, found.knob, found.precision]
         assert found.holds, found
         drifted += entry.drift(found)
