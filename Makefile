@@ -66,8 +66,8 @@ soak: $(VENV)/.development ## serve for SECONDS, resting PAUSE between requests,
 batch-soak: $(VENV)/.development ## kill a batch of 500 items KILLS times, and show that nothing is lost or done twice
 	@$(BIN)/python tests/clients/batch_soak.py --kills $(KILLS) $(ARGS)
 
-bench: $(VENV)/.development ## measure speed and error beside the peers
-	@set -e; for script in $(or $(ARGS),tests/benchmarks/bench_*.py); do $(BIN)/python $$script; done
+bench: $(VENV)/.development ## measure speed and write docs/performance (ARGS=warps for a part of it, --help for their names)
+	@$(BIN)/python tests/benchmarks/bench.py $(ARGS)
 
 client: $(VENV)/.development ## write the Python client's methods anew, from the catalogue
 	@$(BIN)/python clients/python/make.py

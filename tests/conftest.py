@@ -5,10 +5,15 @@ from __future__ import annotations
 import os
 import tempfile
 
+from hypothesis.internal.conjecture import providers
+
 # Before anything of ours is imported, and for the processes that tests start, too.
 os.environ["LICHEN_TIMES"] = tempfile.mkdtemp(prefix="lichen-times-")
 os.environ["LICHEN_CALIBRATE"] = "off"
 os.environ["LICHEN_SPARE"] = "off"
+# Draws that are the same every time must not depend on which of our modules a process has imported so far: no numbers
+# are picked out of their sources.
+providers._get_local_constants = lambda: providers._local_constants
 
 
 def pytest_unconfigure() -> None:

@@ -12,7 +12,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,7 +31,8 @@ from lichen.order import BACKENDS, Order, Picture, read_order, read_pipeline_ord
 from lichen.planning.graph import RESULT, Decision, Graph
 from lichen.planning.hidden import thin
 from lichen.planning.pipeline import Pipeline
-from lichen.planning.plan import Plan, make_plan
+from lichen.planning.plan import Plan
+from lichen.planning.remember import remembered
 from lichen.sharing import Shared
 from lichen.verification import Verification, verify
 
@@ -338,25 +339,26 @@ def _backend(device: Device | None) -> str:
 
 def _prepared(read: Callable[[str], Order], named: str | None, decided: tuple[Decision, ...] = ()) -> Prepared:
     """A plan for the order that `read` makes for a backend; `decided` is what was left out before there was a graph."""
-
-    def on(device: Device | None) -> Prepared:
-        started = time.perf_counter()
-        order = read(_backend(device))
-        facts = {key: Facts.of(_measured(value, device)) for key, value in order.images.items()}
-        order.refuse_flaws(facts)
-        request = dataclasses.replace(order.request, rates=times.current(order.request.backend))
-        hiding = thin(order.nodes, order.images, prune=order.request.prune)
-        graph = Graph(facts, order.nodes, order.outputs, decided, order.precision, thin=hiding)
-        plan = make_plan(graph, request)
-        return Prepared(order, plan, time.perf_counter() - started, device, None if named else on)
-
-    found = select_device(named)
+    found, on = select_device(named), partial(_prepared_on, read, decided)
     try:
-        return on(found)
+        return on(found, None if named else on)
     except DeviceFailure:  # while the range of a picture was measured
         if named is not None or found is None:
             raise
         return on(None)
+
+
+def _prepared_on(
+    read: Callable[[str], Order], decided: tuple[Decision, ...], device: Device | None, fallback: Prepare | None = None
+) -> Prepared:
+    started = time.perf_counter()
+    order = read(_backend(device))
+    facts = {key: Facts.of(_measured(value, device)) for key, value in order.images.items()}
+    request = dataclasses.replace(order.request, rates=times.current(order.request.backend))
+    hiding = thin(order.nodes, order.images, prune=order.request.prune)
+    graph = Graph(facts, order.nodes, order.outputs, decided, order.precision, thin=hiding)
+    plan = remembered(graph, request, lambda: order.refuse_flaws(facts))
+    return Prepared(order, plan, time.perf_counter() - started, device, fallback)
 
 
 def _execute(prepared: Prepared, *further: Decision, shared: Shared | None = None) -> dict[str, Result]:

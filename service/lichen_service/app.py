@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from traceback import clear_frames
 from typing import Any
 
 import structlog
@@ -275,16 +276,31 @@ def _answer(head: Head, work: Callable[[], Admission | Response]) -> Admission |
     """What `work` returns, or the problem document of what it raises."""
     try:
         return work()
-    except Refusal as refusal:
-        return refusal.response(head)
-    except LichenError as error:
-        answered = refusal_of(error)
-        if answered.status >= 500:
-            log.error("request failed", request_id=head.request_id, code=error.code, reason=str(error))
-        return answered.response(head)
-    except Exception:
+    except Exception as error:
+        try:
+            return _told_wrong(error, head)
+        finally:
+            _let_go(error)
+
+
+def _told_wrong(error: Exception, head: Head) -> Response:
+    if isinstance(error, Refusal):
+        return error.response(head)
+    if not isinstance(error, LichenError):
         log.exception("request broke off", request_id=head.request_id)
         return internal().response(head)
+    answered = refusal_of(error)
+    if answered.status >= 500:
+        log.error("request failed", request_id=head.request_id, code=error.code, reason=str(error))
+    return answered.response(head)
+
+
+def _let_go(error: BaseException | None) -> None:
+    """Empty the frames that an error has passed. One that a local variable names keeps its own frame, and with it the
+    body of the request and its pixels, until the collector of cycles comes by, which may be minutes later."""
+    while error is not None:
+        clear_frames(error.__traceback__)
+        error = error.__cause__ or error.__context__
 
 
 def _smallest_request() -> tuple[bytes, str, tuple[tuple[str, str], ...]]:

@@ -19,7 +19,7 @@ import structlog
 
 from lichen import catalogue, engine
 from lichen.errors import InvalidRequest, LichenError, Unattainable
-from lichen.image import Image
+from lichen.image import Image, Space, Storage
 from lichen.operation import Facts, Input, Operation
 
 log = structlog.get_logger("lichen_service")
@@ -30,8 +30,9 @@ FRESH = 1.0
 """Seconds for which an answer of the canary is believed, so that asking often costs nothing."""
 LONGEST_REST = 5.0
 """Seconds for which the warm-up rests at most before it goes on with one method, under whatever load."""
-SIDE = 8
-"""Pixels; side of the image that warms up a kernel."""
+SIDE = 48
+"""Pixels; side of the image that warms up a kernel: on smaller ones filters take other kernels, for pictures that are
+narrower than they."""
 
 
 def example(operation: Operation[Any]) -> tuple[dict[str, Image], dict[str, Any]] | None:
@@ -54,14 +55,17 @@ def example(operation: Operation[Any]) -> tuple[dict[str, Image], dict[str, Any]
 
 
 def _ramp(declared: Input, channels: int) -> Image:
-    """A tiny picture with as near to `channels` channels as the input takes."""
+    """A tiny picture, of those a display shows where it may be one, with as near to `channels` channels as the input
+    takes."""
     fewest, most = declared.channels
     ramp = np.linspace(0.1, 0.9, SIDE * SIDE, dtype=np.float32).reshape(SIDE, SIDE, 1)
-    return Image(np.repeat(ramp, min(max(channels, fewest), most or channels), axis=2))
+    space = Space.SRGB if declared.picture else Space.DATA
+    return Image(np.repeat(ramp, min(max(channels, fewest), most or channels), axis=2), space, storage=Storage.UINT8)
 
 
 def warm_up(device: str | None = None) -> Iterator[tuple[str, str, LichenError | None]]:
-    """Runs every method of every operation once; yields operation, method and what went wrong, if anything did.
+    """Runs every operation once as it is usually asked for, and once by every method; yields operation, method and what
+    went wrong, if anything did.
 
     Methods that do not take the example are passed over: they are no failure.
     """
@@ -70,16 +74,18 @@ def warm_up(device: str | None = None) -> Iterator[tuple[str, str, LichenError |
         if made is None:
             continue
         inputs, parameters = made
-        for method in operation.methods:
-            arguments: dict[str, Any] = {**inputs, **parameters, "method": method, "device": device, "prune": False}
+        usual: dict[str, Any] = {"storage": Storage.UINT8}
+        for wish in (usual, *({"method": method, "prune": False} for method in operation.methods)):
+            said = wish.get("method", "as it is chosen")
+            arguments: dict[str, Any] = {**inputs, **parameters, **wish, "device": device}
             try:
                 engine.run(operation.name, **arguments)
             except (InvalidRequest, Unattainable):
                 continue
             except LichenError as failed:
-                yield operation.name, method, failed
+                yield operation.name, said, failed
             else:
-                yield operation.name, method, None
+                yield operation.name, said, None
 
 
 class _Canary:

@@ -1,7 +1,7 @@
 """JSON as the service reads it from outside: what two parsers could read differently is refused.
 
 Refused are names given twice in one object, NaN and infinity, whole numbers that a double does not hold, numbers
-that overflow it, nesting beyond `DEEPEST`, and documents beyond `LARGEST`; depth is counted before anything is parsed.
+that overflow it, nesting beyond `DEEPEST`, and documents that are too large; depth is counted before anything is read.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ class _Refused(ValueError):
     pass
 
 
-def read(body: Body) -> Any:
-    """The value. Raises the 400 refusal, or the 413 one for a document that is too large."""
-    if memoryview(body).nbytes > LARGEST:
+def read(body: Body, largest: int = LARGEST) -> Any:
+    """The value. Raises the 400 refusal, or the 413 one for a document of more than `largest` bytes."""
+    if memoryview(body).nbytes > largest:
         raise Refusal(
             413,
             "too-large",
             "A limit on size was crossed",
             "The JSON document is too large.",
-            limit=LARGEST,
+            limit=largest,
             actual=memoryview(body).nbytes,
         )
     raw = bytes(body)

@@ -59,6 +59,7 @@ def imported(folders: Iterable[Path]) -> dict[str, str]:
     """Top-level modules that Python files import and that are neither theirs, nor ours, nor Python's: where each is."""
     files = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
     own = {*ROOTS, *(path.stem for path in files if "tests" in path.parts), *sys.stdlib_module_names}
+    own |= {path.parent.name for path in files if path.parent.parent.name == "benchmarks"}
     found = {}
     for path in files:
         for node in ast.walk(ast.parse(path.read_text())):

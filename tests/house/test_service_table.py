@@ -1,4 +1,4 @@
-"""The tables of features and of failures in docs/service.md name tests, and the tests are there."""
+"""The tables of features, failures and properties in docs/service.md name tests, and the tests are there."""
 
 from __future__ import annotations
 
@@ -25,6 +25,14 @@ def test_every_loss_is_shown_by_a_test(root: Path) -> None:
     assert len(rows) >= 11
     for row in rows:
         assert TEST.search(row["shown"]), row["dies"]
+
+
+def test_every_property_is_shown_by_a_test(root: Path) -> None:
+    _, _, table = (root / "docs" / "service.md").read_text().partition("| Property | Shown by |\n|---|---|\n")
+    rows = table.partition("\n\n")[0].splitlines()
+    assert len(rows) >= 25
+    for row in rows:
+        assert TEST.search(row), row
 
 
 def test_every_test_that_is_named_is_there(root: Path) -> None:

@@ -1,9 +1,8 @@
-"""What the service does under more load than it can bear, before clients that send nothing, and when something dies.
+"""What the service does before clients that send nothing or mean harm, and when something dies.
 
-    python tests/service/load.py overload|half-open|bombs|failures ...        (all of them without a name)
+    python tests/service/load.py half-open|bombs|failures ...        (all of them without a name)
 
-Overload: an open loop offers 1, 2, 5 and 10 times what a closed loop got through, without waiting for answers, and
-counts what came back, how soon refusals did, and how /livez fared meanwhile. Half-open: 2000 connections that never
+More load than it can bear is offered by `overload.py`. Half-open: 2000 connections that never
 finish their head. Bombs: how soon files made to harm are answered, and what memory they cost. Failures: what was
 accepted before is asked for after, and the time until the service answers again is taken.
 """
@@ -12,30 +11,29 @@ from __future__ import annotations
 
 import contextlib
 import http.client
-import json
 import os
 import re
+import selectors
 import shutil
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import soak
 
 from lichen.files import encode
 from lichen.image import Image
+from lichen_service.http.limits import Bounds
 
-WORK = "/v1/operations/white_noise?width=640&height=640&format=png&seed={}"
-SECONDS = 6.0
-CONNECTIONS = 256
 PHOTO = bytes(encode(Image(np.random.default_rng(1).random((64, 64, 3), np.float32)), "png").data)
+HEAD, BODY, PATIENCE = 5, 65536, Bounds().patience
 BLUR = "/v1/operations/gaussian?sigma=2&format=png"
 
 
@@ -118,142 +116,76 @@ def served(**settings: object) -> Iterator[Service]:
         shutil.rmtree(data, ignore_errors=True)
 
 
-# ------------------------------------------------------------------------------------------------------------ overload
-
-
-def closed(port: int, seconds: float, threads: int = 4) -> float:
-    """Answers a second that so many clients get, each waiting for its own."""
-    ends, counts = time.monotonic() + seconds, [0] * threads
-
-    def ask(own: int) -> None:
-        connection = http.client.HTTPConnection("127.0.0.1", port)
-        while time.monotonic() < ends:
-            connection.request("GET", WORK.format(own * 1_000_000 + counts[own]))
-            answer = connection.getresponse()
-            answer.read()
-            counts[own] += answer.status == 200
-
-    workers = [threading.Thread(target=ask, args=(at,)) for at in range(threads)]
-    for each in workers:
-        each.start()
-    for each in workers:
-        each.join()
-    return sum(counts) / seconds
-
-
-def offered(port: int, rate: float, seconds: float) -> tuple[list[float], list[float], int]:
-    """Seconds of good answers and of refusals when so many requests a second come, and how many could not be sent."""
-    import selectors
-
-    selector, free = selectors.DefaultSelector(), []
-    for _ in range(CONNECTIONS):
-        sock = socket.create_connection(("127.0.0.1", port))
-        selector.register(sock, selectors.EVENT_READ, [0.0, bytearray()])
-        free.append(sock)
-    good: list[float] = []
-    refused: list[float] = []
-    began, sent, unsent = time.monotonic(), 0, 0
-    while (now := time.monotonic()) < began + seconds:
-        while sent + unsent < (now - began) * rate:
-            if not free:
-                unsent += 1
-                continue
-            sock = free.pop()
-            state = selector.get_key(sock).data
-            state[0], state[1] = time.monotonic(), bytearray()
-            sock.sendall(f"GET {WORK.format(10**9 + sent)} HTTP/1.1\r\nHost: a\r\n\r\n".encode())
-            sent += 1
-        for key, _ in selector.select(0.0005):
-            took, answer = key.data
-            piece = key.fileobj.recv(1 << 18)  # type: ignore[union-attr]
-            answer += piece
-            head = answer.find(b"\r\n\r\n")
-            if not piece:
-                raise ConnectionError("the service closed a connection")
-            if head < 0:
-                continue
-            length = int(re.search(rb"Content-Length: (\d+)", bytes(answer[:head]))[1])  # type: ignore[index]
-            if len(answer) < head + 4 + length:
-                continue
-            (good if answer.startswith(b"HTTP/1.1 200") else refused).append(time.monotonic() - took)
-            free.append(key.fileobj)
-    for key in list(selector.get_map().values()):
-        key.fileobj.close()  # type: ignore[union-attr]
-    selector.close()
-    return good, refused, unsent
-
-
-def probe(port: int, seconds: float) -> None:
-    """Prints how long /livez took, in a process of its own so that nobody's load is in the way."""
-    connection = http.client.HTTPConnection("127.0.0.1", port)
-    ends, times = time.monotonic() + seconds, []
-    while time.monotonic() < ends:
-        began = time.monotonic()
-        connection.request("GET", "/livez")
-        connection.getresponse().read()
-        times.append(time.monotonic() - began)
-        time.sleep(0.01)
-    print(json.dumps(times))
-
-
 def share(times: list[float], part: float) -> float:
     """In ms."""
     return sorted(times)[min(len(times) - 1, int(part * len(times)))] * 1e3 if times else 0.0
-
-
-def overload() -> None:
-    with served(threads=2, queue=16, cache=0) as service:
-        service.until_warm()
-        closed(service.port, 2.0)
-        peak = closed(service.port, SECONDS)
-        print(f"capacity: {peak:.1f} answers/s", flush=True)
-        for times in (1, 2, 5, 10):
-            command = [sys.executable, __file__, "probe", str(service.port), str(SECONDS)]
-            alive = subprocess.Popen(command, stdout=subprocess.PIPE)
-            good, refused, unsent = offered(service.port, times * peak, SECONDS)
-            waits = json.loads(alive.communicate()[0])
-            done = len(good) / SECONDS
-            print(
-                f"offered {times:2}x: good {done:6.1f}/s ({done / peak:4.0%}), p99 {share(good, 0.99):.0f} ms; "
-                f"refused {len(refused) / SECONDS:6.1f}/s, median {share(refused, 0.5):.1f}, "
-                f"p99 {share(refused, 0.99):.1f}, most {share(refused, 1):.1f} ms; unsent {unsent}; "
-                f"/livez p99 {share(waits, 0.99):.1f} ms",
-                flush=True,
-            )
 
 
 # ----------------------------------------------------------------------------------------------------------- half-open
 
 
 def half_open() -> None:
-    with served(threads=2, spare="off", header_timeout=5.0) as service:
-        (worker,) = service.children("lichen_service.http.worker")
+    with soak.served("soak:create", header_timeout=HEAD, body_rate=BODY) as (port, worker):
         threads = Path(f"/proc/{worker}/task")
-        service.until_warm()
-        before, began, slow = len(list(threads.iterdir())), time.monotonic(), []
-        for _ in range(2000):
-            sock = socket.create_connection(("127.0.0.1", service.port))
-            sock.sendall(b"GET / HTTP/1.1\r\nHost: a\r\nX-Slow:")
-            slow.append(sock)
+        waits = {"alone": _asked(port), "among them": []}
+        before, began = len(list(threads.iterdir())), time.monotonic()
+        silent = [_opened(port, b"GET / HTTP/1.1\r\nHost: a\r\nX-Slow:") for _ in range(2000)]
         opened = time.monotonic() - began
-        waits = []
-        for at in range(60):
-            started = time.monotonic()
-            assert service.ask("GET", f"/v1/operations?{at}")[0] == 200
-            waits.append(time.monotonic() - started)
+        waits["among them"] = _asked(port)
         held = len(list(threads.iterdir()))
-        cut = []
-        for sock in slow:
-            sock.settimeout(30)
-            while sock.recv(4096):
-                pass
-            cut.append(time.monotonic() - began)
-            sock.close()
-        print(
-            f"2000 half-open connections (made in {opened:.2f} s): threads {before} before, {held} meanwhile; "
-            f"good requests p50 {share(waits, 0.5):.1f}, p99 {share(waits, 0.99):.1f} ms; "
-            f"all cut {max(cut):.2f} s after the first was made"
+        heads = _until_cut(silent)
+        trickling = [_opened(port, b"GET / HTTP/1.1\r\nHost: a\r\nX-Slow:") for _ in range(20)]
+        dripped = _until_cut(trickling, b"x")
+        bodies = _until_cut(
+            [_opened(port, b"POST /v1/operations/box HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\n")]
         )
+    print(f"2000 half-open connections (made in {opened:.2f} s): threads {before} before, {held} meanwhile")
+    for where, each in waits.items():
+        print(f"a good request {where}: median {share(each, 0.5):.1f}, p99 {share(each, 0.99):.1f} ms")
+    for what, each, due in (
+        ("silent heads", heads, HEAD),
+        ("heads of a byte each half second", dripped, HEAD),
+        ("a silent body", bodies, PATIENCE),
+    ):
+        print(f"{what}: cut {min(each):.2f} to {max(each):.2f} s after they began, of {due:.0f} s allowed")
+
+
+def _opened(port: int, sent: bytes) -> tuple[socket.socket, float]:
+    sock = socket.create_connection(("127.0.0.1", port))
+    sock.sendall(sent)
+    return sock, time.monotonic()
+
+
+def _asked(port: int, count: int = 200) -> list[float]:
+    """How long runs take, from one client."""
+    connection, times = http.client.HTTPConnection("127.0.0.1", port), []
+    for at in range(count + 20):
+        began = time.monotonic()
+        connection.request("POST", f"{BLUR}&max_ms={1000 + at}", PHOTO)
+        assert connection.getresponse().read()
+        times.append(time.monotonic() - began)
+    return times[20:]
+
+
+def _until_cut(slow: list[tuple[socket.socket, float]], drip: bytes = b"") -> list[float]:
+    """Seconds from the beginning of each until the service has closed it."""
+    selector, cut, dripped = selectors.DefaultSelector(), [], 0.0
+    for sock, began in slow:
+        sock.setblocking(False)
+        selector.register(sock, selectors.EVENT_READ, began)
+    while selector.get_map():
+        for key, _ in selector.select(0.05):
+            assert isinstance(key.fileobj, socket.socket)
+            if b"408" in key.fileobj.recv(4096)[:20]:
+                cut.append(time.monotonic() - key.data)
+                selector.unregister(key.fileobj)
+                key.fileobj.close()
+        if drip and time.monotonic() > dripped + 0.5:
+            dripped = time.monotonic()
+            for key in selector.get_map().values():
+                assert isinstance(key.fileobj, socket.socket)
+                key.fileobj.send(drip)
+    return cut
 
 
 # --------------------------------------------------------------------------------------------------------------- bombs
@@ -394,11 +326,7 @@ def _caches_gone(folder: Path) -> None:
 
 
 def main(names: list[str]) -> None:
-    if names[:1] == ["probe"]:
-        probe(int(names[1]), float(names[2]))
-        return
     parts: dict[str, Callable[[], None]] = {
-        "overload": overload,
         "half-open": half_open,
         "bombs": bombs,
         "failures": failures,

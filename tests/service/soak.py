@@ -47,12 +47,12 @@ MORE = 8
 """threads or files that may come and go"""
 BLUR = "/v1/operations/gaussian?sigma=2"
 _START = """
-import os, sys, tempfile
+import json, os, sys, tempfile
 from lichen_service import app
 from lichen_service.http import server
 from lichen_service.settings import FIGURES, SHARED, Settings
-settings = Settings(port=0, workers=1, spare="off", threads=2, data=sys.argv[1], calibrate="off",
-                    max_pixels=1 << 22, cache=1 << 22, request_timeout=600.0, idle_timeout=600.0)
+settings = Settings(**json.loads(sys.argv[3]), port=0, workers=1, spare="off", threads=2, data=sys.argv[1],
+                    calibrate="off", request_timeout=600.0, idle_timeout=600.0)
 shared = tempfile.mkdtemp(dir=sys.argv[1])
 os.environ.update(settings.environment() | {SHARED: shared, FIGURES: shared})
 sys.exit(server.serve(sys.argv[2], settings))
@@ -119,11 +119,11 @@ def _number(status: str, name: str) -> str:
 
 
 @contextlib.contextmanager
-def served(maker: str) -> Iterator[tuple[int, int]]:
+def served(maker: str, **settings: int) -> Iterator[tuple[int, int]]:
     """The port, and the process that answers there."""
     with tempfile.TemporaryDirectory(prefix="lichen-soak-", ignore_cleanup_errors=True) as data:
         process = subprocess.Popen(
-            [sys.executable, "-c", _START, data, maker],
+            [sys.executable, "-c", _START, data, maker, json.dumps(settings)],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
@@ -210,7 +210,7 @@ class Load:
 
 
 def soak(maker: str, seconds: float, pause: float) -> Samples:
-    with served(maker) as (port, pid):
+    with served(maker, max_pixels=1 << 22, cache=1 << 22) as (port, pid):
         load, samples, at = Load(port), Samples(), 0
         while load._send("GET", "/readyz")[0] != 200:
             time.sleep(0.2)

@@ -93,3 +93,29 @@ def test_work_ends_before_the_next_stage_when_nobody_waits(service: Service, png
         assert began[-1] == stop_at
     assert answer("nothing").status == 200
     assert began[-1] == "digest"
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        pytest.param("/v1/operations/convolve?kernel=" + "1," * 3000 + "1", id="a kernel of one row"),
+        "/v1/operations/lic?length=10000000",
+        "/v1/operations/perlin_noise?width=64&height=64&octaves=10000",
+        "/v1/operations/resize?width=1000000&height=1000000",
+        "/v1/operations/white_noise?width=1000000&height=1000000",
+        "/v1/operations/affine?matrix=[[1,0,0],[0,1,0]]&width=100000&height=100000",
+        "/v1/operations/box?radius=1e300",
+        "/v1/operations/median?radius=100000000",
+        pytest.param("/v1/pipelines?pipeline=" + "|".join(["gaussian:sigma=1"] * 50_000), id="50,000 steps"),
+    ],
+)
+def test_parameters_made_to_harm_are_refused_before_anything_is_computed(
+    call: Caller, png: bytes, monkeypatch: pytest.MonkeyPatch, target: str
+) -> None:
+    def never(*_args: object, **_kwargs: object) -> object:
+        raise AssertionError("something was computed")
+
+    monkeypatch.setattr("lichen.engine.computed", never)
+    response = call("POST", target, png)
+    assert response.status in (413, 422), (response.status, bytes(response.body)[:300])
+    assert call.service.memory.held == 0

@@ -238,3 +238,32 @@ def test_requests_in_flight_do_a_common_step_once(settings: Settings, monkeypatc
         answers = [bytes(each.result(60).body) for each in (first, second)]
     assert answers == expected
     assert done.count("gaussian") == 1
+
+
+@pytest.mark.parametrize("path", ["/v1/pipelines", "/v1/scenes"])
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        ('{"nodes": {}, "nodes": {}}', "twice"),
+        ('{"nodes": NaN}', "NaN"),
+        ('{"camera": {"width": 1e999}}', "double"),
+        ('{"seed": 9007199254740993}', "2^53"),
+        ('{"a":' * 65 + "1" + "}" * 65, "64 deep"),
+        (" " * 100 + '{"a": 1, "a": 2}', "twice"),
+    ],
+)
+def test_documents_that_could_be_read_differently_are_refused(call: Caller, path: str, said: str, reason: str) -> None:
+    name = path.removeprefix("/v1/").rstrip("s")
+    in_the_body = call("POST", path, said.encode(), {"content-type": "application/json"})
+    in_the_query = call("POST", path, query=[(name, said)])
+    for response in (in_the_body, in_the_query):
+        flaws = problem_of(response, 422, "invalid-request")["errors"]
+        assert any(each["pointer"] == f"/{name}" and reason in each["detail"] for each in flaws), flaws
+
+
+def test_a_document_without_end_is_refused_unparsed(call: Caller) -> None:
+    body = b'{"nodes":' + b" " * (8 << 20) + b"{}}"
+    large = dataclasses.replace(call.settings, max_body=16 << 20)
+    service = Service(large)
+    response = Caller(service, large)("POST", "/v1/pipelines", body, {"content-type": "application/json"})
+    assert problem_of(response, 413, "too-large")["limit"] == 8 << 20

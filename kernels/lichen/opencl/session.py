@@ -215,7 +215,8 @@ class Session:
             buffer = cl.Buffer(self._device.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
         except cl.Error as error:
             raise DeviceFailure(f"{self._device.name} cannot use an array of {array.nbytes} bytes: {error}") from error
-        low, high = np.lib.array_utils.byte_bounds(array)
+        contiguous = array.flags.c_contiguous
+        low, high = (first, first + array.nbytes) if contiguous else np.lib.array_utils.byte_bounds(array)
         return Held(array, memory, buffer, low, high)
 
     def _refuse_overlap(self, held: Held, *, written: bool) -> None:

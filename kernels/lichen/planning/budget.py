@@ -27,6 +27,8 @@ Measure = Callable[[Error], float]
 
 TRIALS = 100
 """Choices that are tried exactly at most, which is all of them for a chain of a few nodes."""
+FINEST = 1e-300
+"""Errors are followed back through a graph no finer than this: what is finer is no number any more."""
 HALVINGS = 8
 STEPS = 12
 """Of the search for the error that a time allows: to a factor of 1.3 over four decades."""
@@ -200,10 +202,10 @@ def _gains(problem: Problem) -> dict[str, float]:
         gain = gains[node.name]
         if not gain:
             continue
-        probe = 1 / gain / len(problem.usable)
+        probe = max(1 / gain / len(problem.usable), FINEST)
         slope = node.carried(problem.facts, probe) / probe
         for source in node.inputs.values():
-            gains[source] = max(gains[source], gain * slope)
+            gains[source] = max(gains[source], min(gain * slope, 1 / FINEST))
     return gains
 
 

@@ -33,7 +33,7 @@ INPUT = "input."
 """What the name of a picture sent along begins with where a node reads it."""
 FIRST = "image"
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]{0,63}")
-MOST = 1000
+MOST = text.MOST
 """Nodes of one pipeline."""
 _NODE = ("operation", "parameters", "inputs", "method", "knobs", "max_error")
 _OUTPUT = ("node", "format", "storage", "space", "alpha", "crop")

@@ -16,8 +16,8 @@ from lichen.joining import Link
 from lichen.operation import Error, Facts, Method, Operation, OperationParameters
 from lichen.stage import Stage
 
-KEPT = 1 << 14
-"""Of which answers are kept; the longest unused are dropped first."""
+KEPT = 1 << 12
+"""Of which answers are kept; the longest unused are dropped first. What a Gaussian says of itself takes 11 kB."""
 
 Key: TypeAlias = tuple[Operation[Any], OperationParameters, tuple[str, ...], tuple[Facts, ...]]
 """An operation, its parameters, the names of its inputs and their facts."""

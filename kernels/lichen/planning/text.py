@@ -27,6 +27,8 @@ from typing import Any
 from lichen.catalogue import operations
 from lichen.errors import Flaw, InvalidRequest, nearest
 
+MOST = 1000
+"""nodes of a pipeline"""
 CROP = "crop"
 SIDES = ("left", "top", "width", "height")
 _DECODER = json.JSONDecoder()
@@ -39,6 +41,8 @@ def read(said: str) -> dict[str, Any]:
     before = "input.image"
     name, part = "input.image", None
     steps = list(_split(said, "|"))
+    if len(steps) > MOST + 1:  # one of them may be a crop
+        raise InvalidRequest("The pipeline is too long.", [Flaw("/pipeline", f"has {len(steps)} steps, of {MOST}")])
     for number, step in enumerate(steps, start=1):
         head, _, rest = step.partition(":")
         label, equals, wanted = (part.strip() for part in head.partition("="))

@@ -107,7 +107,7 @@ class Connection:
             self._begin_writing()
         elif mask & READ:
             self._read()
-            if self.phase is Phase.IDLE and (prompt := self._loop.prompts.get(self._buffer)) and self._knows(prompt):
+            if self.phase is Phase.IDLE and (known := self._loop.prompts.get(self._buffer)) and self._knows(*known):
                 return
         self._advance()
 
@@ -131,13 +131,13 @@ class Connection:
             self._lost()
         self._advance()
 
-    def _knows(self, prompt: Prompt) -> bool:
+    def _knows(self, prompt: Prompt, request_id: str | None) -> bool:
         """Answer at once what is known by its bytes; false where the connection would end with it."""
         if self._served + 1 >= self._loop.bounds.requests_per_connection or self._ended or self._loop.draining:
             return False
         self._served += 1
         self._buffer.clear()
-        answered = prompt.send(self._socket, self._peer)
+        answered = prompt.send(self._socket, self._peer, request_id)
         if isinstance(answered, Prompted):
             self._loop.answered(answered)
             self._next()

@@ -20,6 +20,8 @@ _MILLISECONDS = re.compile(r"[1-9][0-9]{0,8}")
 # W3C Trace Context: version, trace, parent, flags; neither of the two in the middle may be all zeros.
 _TRACE = re.compile(r"(?!ff)[0-9a-f]{2}-(?!0{32})([0-9a-f]{32})-(?!0{16})([0-9a-f]{16})-([0-9a-f]{2})")
 _OWN_PAGES = 256 * 1024
+_JOINED = 16 * 1024
+"""bytes of a body that is sent in one piece with its head"""
 
 
 class FixedBody:
@@ -117,7 +119,11 @@ class Exchange:
             self.keep_alive = False
             self.stream = None if self.method == "HEAD" else response.stream
         wire = finish(response, request_id=self.request_id, method=self.method, keep_alive=self.keep_alive)
-        self.out = [_flat(part) for part in (wire.head, wire.body) if memoryview(part).nbytes]
+        body = _flat(wire.body)
+        if len(body) <= _JOINED:  # one piece costs the system less than two
+            self.out = [memoryview(b"".join((wire.head, body)))]
+        else:
+            self.out = [memoryview(wire.head), body]
         self.status = response.status
         self.fields = response.log
         self.write_started = time.monotonic()
@@ -126,7 +132,7 @@ class Exchange:
         """Send what the socket takes without waiting; true when everything has left."""
         while self.out:
             try:
-                count = sock.sendmsg(self.out)
+                count = sock.send(self.out[0]) if len(self.out) == 1 else sock.sendmsg(self.out)
             except BlockingIOError:
                 return False
             self.sent += count
@@ -179,7 +185,8 @@ def _own_pages(length: int) -> mmap.mmap:
 
 def _flat(body: Body) -> memoryview:
     view = memoryview(body)
-    return view.cast("B") if view.c_contiguous else memoryview(view.tobytes())
+    # The view of an array without elements cannot be cast.
+    return view.cast("B") if view.c_contiguous and view.nbytes else memoryview(view.tobytes())
 
 
 def milliseconds(start: float, end: float) -> float:

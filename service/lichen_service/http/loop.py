@@ -14,7 +14,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 from http import HTTPStatus
 
 from lichen_service.http.access_log import AccessLog
@@ -32,8 +32,27 @@ from lichen_service.problems import problem
 _OUT_OF_MEANS = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
 LOGGED_WITHIN = 0.02
 """seconds after an answer has left"""
+REST = 0.008
+"""seconds between rounds while all places are taken: refusals made together take the processor, and the interpreter,
+from those who compute less often"""
 _ACCEPTS_AT_ONCE = 8
 """few, so that workers that share a listener share its connections"""
+
+
+@lru_cache(maxsize=8)
+def _busy(detail: str, retry_after: int) -> tuple[list[bytes], dict[str, str]]:
+    """The body of that refusal around the id of its request, and its headers."""
+    place = "REQUEST-ID"
+    made = problem(
+        503,
+        "overloaded",
+        "The service is busy",
+        detail,
+        request_id=place,
+        retryable=True,
+        headers={"Retry-After": str(retry_after)},
+    )
+    return bytes(made.body).split(place.encode()), made.headers
 
 
 class Loop:
@@ -56,6 +75,7 @@ class Loop:
         self.log = log or AccessLog(tell=getattr(application, "answered", None))
         self.reactor = Reactor()
         self.reactor.after_round = self._log_failures
+        self.reactor.rest = self._rest
         self._logging = self.reactor.deadline(self.log.flush)
         self.prompts = Prompts()
         self.scratch = memoryview(bytearray(self.bounds.read_size))
@@ -185,15 +205,9 @@ class Loop:
             self.in_flight -= 1
 
     def busy(self, request_id: str, detail: str = "All places in the queue are taken.") -> Response:
-        return problem(
-            503,
-            "overloaded",
-            "The service is busy",
-            detail,
-            request_id=request_id,
-            retryable=True,
-            headers={"Retry-After": str(self.bounds.retry_after)},
-        )
+        """Made of parts that are kept: who has too much to do must not spend time on saying so."""
+        pieces, headers = _busy(detail, self.bounds.retry_after)
+        return Response(503, request_id.encode().join(pieces), dict(headers), {"problem": "overloaded"})
 
     def refusal(self, refusal: Refusal, request_id: str) -> Response:
         return problem(
@@ -209,6 +223,9 @@ class Loop:
         """The 500 of a defect; what went wrong is in the log and nowhere else."""
         detail = "The request could not be answered; the fault is ours."
         return problem(500, "internal-error", "The service failed", detail, request_id=request_id)
+
+    def _rest(self) -> float:
+        return REST if self._full else 0.0
 
     def _log_failures(self) -> None:
         if self.log.failures:

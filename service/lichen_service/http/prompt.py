@@ -3,16 +3,19 @@
 Nearly all small requests are repeated: a probe, a page or a client sends the same head again and again over a
 connection that is kept. What identical bytes mean was decided when they first came, by every rule there is; and where
 the application has said that its answer holds for everybody as long as the process lives (`Response.lasting`), the
-answer is decided, too. Only its date and the id of the request are new.
+answer is decided, too. Only its date and the id of the request are new. An id that the client has chosen is cut out of
+the head before it is looked up: whatever it is, it is only echoed.
 
 Rules
 - A head is looked up only if it is all that has come. One that is cut, followed by another request, or has a body,
   takes the long road.
-- Heads with an id or a trace of their own do not come again, and are not kept.
+- An id that would not be echoed as it is stays in the head, and so does a second one, which would be refused.
+- Heads with a trace of their own do not come again, and are not kept.
 """
 
 from __future__ import annotations
 
+import re
 import socket
 import time
 from dataclasses import dataclass
@@ -25,7 +28,7 @@ from lichen_service.http.message import Head, Response
 MOST = 256
 LARGEST_HEAD = 2048
 LARGEST_BODY = 64 * 1024
-_OWN = frozenset(("x-request-id", "traceparent"))
+_ID = re.compile(rb"\r\nX-Request-ID:[ \t]*([A-Za-z0-9._-]{1,128})[ \t]*(?=\r\n)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +46,10 @@ class Prompt:
         """Head and body."""
         return b"%b%b\r\nX-Request-ID: %b\r\n%b" % (self.start, date(int(time.time())), request_id.encode(), self.rest)
 
-    def send(self, sock: socket.socket, peer: str) -> Prompted | Exchange:
-        """Answers; where the socket does not take all of it at once, the exchange that has the rest to send."""
-        started, request_id = time.monotonic(), choose_request_id(None)
+    def send(self, sock: socket.socket, peer: str, offered: str | None) -> Prompted | Exchange:
+        """Answers, with the id that the client has offered; where the socket does not take all of it at once, the
+        exchange that has the rest to send."""
+        started, request_id = time.monotonic(), choose_request_id(offered)
         answer = self.answer(request_id)
         try:
             sent = sock.send(answer)
@@ -90,8 +94,13 @@ class Prompts:
     def __init__(self) -> None:
         self._known: dict[bytes, Prompt] = {}
 
-    def get(self, received: bytearray) -> Prompt | None:
-        return self._known.get(bytes(received)) if len(received) <= LARGEST_HEAD else None
+    def get(self, received: bytearray) -> tuple[Prompt, str | None] | None:
+        """The answer to a head, and the id that its client has chosen."""
+        if len(received) > LARGEST_HEAD or not self._known:
+            return None
+        key, offered = _without_id(bytes(received))
+        known = self._known.get(key)
+        return None if known is None else (known, offered)
 
     def learn(self, raw: bytes, exchange: Exchange, response: Response) -> None:
         """Remember the answer to a head, if it is one to remember."""
@@ -100,7 +109,10 @@ class Prompts:
             return
         if exchange.status != response.status:
             return  # it could not leave
-        if len(raw) > LARGEST_HEAD or len(response.body) > LARGEST_BODY or not _OWN.isdisjoint(head.headers):
+        if len(raw) > LARGEST_HEAD or len(response.body) > LARGEST_BODY or "traceparent" in head.headers:
+            return
+        raw, offered = _without_id(raw)
+        if offered != head.headers.get("x-request-id"):
             return
         start, rest, body = frame(response, exchange.method, keep_alive=True)
         if len(self._known) >= MOST:
@@ -113,3 +125,9 @@ class Prompts:
             exchange.target,
             dict(response.log),
         )
+
+
+def _without_id(raw: bytes) -> tuple[bytes, str | None]:
+    """A head without the id that its client has chosen, and that id."""
+    found = _ID.search(raw)
+    return (raw, None) if found is None else (raw[: found.start()] + raw[found.end() :], found[1].decode())

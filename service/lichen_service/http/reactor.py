@@ -11,6 +11,7 @@ import contextlib
 import heapq
 import itertools
 import math
+import select
 import selectors
 import signal
 import socket
@@ -75,6 +76,8 @@ class Reactor:
         self._asleep = False
         self.after_round: Call = _nothing
         """made after each round of events"""
+        self.rest: Callable[[], float] = _without_rest
+        """asked before each round: seconds in which nothing but `post` begins one, so that many events come together"""
         self._woken, self._waker = socket.socketpair()
         self._woken.setblocking(False)
         self._waker.setblocking(False)
@@ -112,6 +115,9 @@ class Reactor:
         """Serve until `stop`; all that is called must let no exception escape."""
         while not self._stopped:
             self._asleep = True
+            if rest := self.rest():
+                pause = self._pause()
+                select.select([self._woken], [], [], rest if pause is None else min(rest, pause))
             ready = self._selector.select(self._pause())
             self._asleep = False
             for key, mask in ready:
@@ -154,3 +160,7 @@ class Reactor:
 
 def _nothing() -> None:
     pass
+
+
+def _without_rest() -> float:
+    return 0.0

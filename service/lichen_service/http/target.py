@@ -41,6 +41,8 @@ def _decode_form(text: str) -> str:
 
 
 def _decode(text: str, where: str) -> str:
+    if "%" not in text and "\0" not in text:
+        return text
     if _BAD_ESCAPE.search(text):
         raise BadTarget(f"{where} holds a percent sign that two hexadecimal digits do not follow")
     try:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import atexit
 import faulthandler
+import gc
 import importlib
 import os
 import pickle
@@ -49,6 +50,7 @@ def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
         loop.reactor.wake_on_signals()
         signal.signal(signal.SIGTERM, lambda *_: loop.stop())
         loop.reactor.watch(lifeline_fd, READ, lambda _mask: _orphaned(loop, lifeline_fd))
+        gc.freeze()  # what is loaded stays; to look through it again and again stops all threads each time, for 0.1 s
         os.write(ready_fd, b"\1")
         os.close(ready_fd)
         drained = loop.run()

@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from lichen import engine
 from lichen.engine import Prepared, Result
@@ -24,7 +24,7 @@ from lichen.image import Alpha, Image, Space, Storage
 from lichen.operation import Facts
 from lichen.order import read_pipeline_order
 from lichen.planning.pipeline import Pipeline, escaped, nodes_of, read
-from lichen_service import mixed, queries, uploads
+from lichen_service import mixed, queries, strict_json, uploads
 from lichen_service.assets import is_id
 from lichen_service.documents import canonical, content_digest, matches, momentary
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
@@ -41,6 +41,8 @@ from lichen_service.stages import Stages
 DOCUMENT = "pipeline"
 """The name of the pipeline in the query and among the parts of a form."""
 PATH = "/v1/pipelines"
+LARGEST = 8 << 20
+"""Bytes of a document; tables are the largest part of any."""
 OF_ONE = ("Lichen-Error", "Lichen-Nonfinite", "Lichen-Space", "Lichen-Clipped", "Lichen-Measured")
 """What of the account belongs to a single output."""
 
@@ -117,7 +119,7 @@ class Pipelines:
         """Raises all that can be seen to be wrong with a run before anything is decoded."""
         self._read(request)
 
-    def _understood(self, said: str | bytes, options: Options) -> Told:
+    def _understood(self, said: str | bytes | Mapping[str, Any], options: Options) -> Told:
         """The document. Raises `InvalidRequest` with all that is wrong with it."""
         pipeline = read(said)
         nodes_of(pipeline)
@@ -165,7 +167,7 @@ class Pipelines:
             flaws.append(Flaw(f"/query/{self.document}", "is required here or as a part of the body"))
         else:
             try:
-                told = self._understood(values[self.document] if document is None else document, options)
+                told = self._understood(_plain(values[self.document] if document is None else document), options)
                 flaws += [
                     Flaw(f"/inputs/{escaped(each)}", f"is read by the {self.document} and was not sent")
                     for each in told.pipeline.inputs
@@ -178,6 +180,10 @@ class Pipelines:
                 ]
             except InvalidRequest as invalid:
                 flaws += invalid.flaws
+            except Refusal as refused:  # of JSON that two parsers could read differently
+                if refused.status != 400:
+                    raise
+                flaws.append(Flaw(f"/{self.document}", refused.detail))
         if flaws or told is None:
             flaws += self._running.flaws_of_headers(given)
             raise InvalidRequest(f"The request for a {self.document} has {len(flaws)} flaw(s).", flaws)
@@ -254,6 +260,14 @@ def _delivered(pipeline: Pipeline, deliveries: Mapping[str, Delivery]) -> Pipeli
         for form in [deliveries[name]]
     }
     return dataclasses.replace(pipeline, outputs=outputs)
+
+
+def _plain(said: str | bytes) -> str | bytes | Mapping[str, Any]:
+    """What a document says where it is JSON; a pipeline's text as it is. Raises as `strict_json.read`."""
+    raw = said.encode("utf-8", "replace") if isinstance(said, str) else said
+    if raw.lstrip()[:1] != b"{":
+        return said
+    return cast("Mapping[str, Any]", strict_json.read(raw, LARGEST))
 
 
 def _answer(document: str, results: Mapping[str, Result], deliveries: Mapping[str, Delivery], parts: bool) -> Response:

@@ -47,7 +47,7 @@ class ToldScene(Told):
 class Scenes(Pipelines):
     document = "scene"
 
-    def _understood(self, said: str | bytes, options: Options) -> Told:
+    def _understood(self, said: str | bytes | Mapping[str, Any], options: Options) -> Told:
         scene = heat.mapped(read(said)) if options.explain == "map" else read(said)
         layers = scene.buffers.layers
         if layers is None:

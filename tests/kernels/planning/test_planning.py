@@ -104,6 +104,15 @@ def test_more_time_buys_less_error() -> None:
     assert ample.error.value < tight.error.value
 
 
+def test_errors_that_grow_beyond_all_numbers_still_give_a_plan() -> None:
+    """A power whose slope at black has no bound, many times over."""
+    kinds = (("box", {"width": 3, "height": 3}), ("levels", {"gamma": 1.5}))
+    names = ["in", *(f"n{i}" for i in range(64))]
+    nodes = [node(names[i + 1], kinds[i % 2][0], names[i], **kinds[i % 2][1]) for i in range(64)]
+    plan = make_plan(chain(*nodes, facts=dataclasses.replace(PICTURE, space=Space.DATA)), Request())
+    assert len(plan.nodes) >= 32
+
+
 def test_what_cannot_be_met_is_refused_with_the_best_there_is() -> None:
     graph = chain(node("blur", "gaussian", "in", sigma=6))
     with pytest.raises(Unattainable) as error:

@@ -15,6 +15,7 @@ from lichen_service.http.prompt import MOST, Prompts
 
 Serve = Callable[..., Running]
 KNOWN = get("/lasting", "X-Bytes: 7")
+NAMES = ("X-Request-ID", "x-request-id", "X-REQUEST-Id")
 
 
 def ask(client: Client, request: bytes, method: str = "GET") -> Reply:
@@ -39,6 +40,28 @@ def test_a_repeated_request_is_answered_as_the_first_one_was(serve: Serve) -> No
     assert all(line.pop("total_ms") < 20_000 and line.pop("time") for line in lines)  # type: ignore[operator]
     assert all(line == lines[0] for line in lines)
     assert (lines[0]["path"], lines[0]["status"], lines[0]["route"]) == ("/lasting", 200, "/lasting")
+
+
+def test_an_id_of_the_clients_own_is_echoed_and_decides_nothing(serve: Serve) -> None:
+    running = serve()
+    offered = ["first", "second", "a" * 128, "1"]
+    with running.connect() as client:
+        replies = [ask(client, get("/lasting", f"{name}: {each}")) for each in offered for name in NAMES]
+        fresh = ask(client, get("/lasting"))
+    assert running.toy.admitted == 1
+    assert [each.headers["x-request-id"] for each in replies] == [each for each in offered for _ in NAMES]
+    assert len(fresh.headers["x-request-id"]) == 32
+    running.stop()
+    assert [each["request_id"] for each in running.lines()][:-1] == [each for each in offered for _ in NAMES]
+
+
+def test_two_ids_and_ids_with_control_characters_are_refused_as_ever(serve: Serve) -> None:
+    running = serve()
+    with running.connect() as client:
+        ask(client, get("/lasting", "X-Request-ID: a"))
+    for fields in (("X-Request-ID: a", "X-Request-ID: b"), ("X-Request-ID: a\x07",), ("X-Request-ID : a",)):
+        with running.connect() as client:
+            assert ask(client, get("/lasting", *fields)).status == 400
 
 
 def test_other_connections_know_it_too_and_head_is_not_get(serve: Serve) -> None:
@@ -86,7 +109,7 @@ def test_a_client_that_does_not_read_waits_for_its_answers_and_gets_them_whole(s
 @pytest.mark.parametrize(
     "request_",
     [
-        get("/lasting", "X-Request-ID: mine"),
+        get("/lasting", "X-Request-ID: not/echoed"),
         get("/lasting", "traceparent: 00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"),
         get("/lasting", "Connection: close"),
         get("/lasting", version="1.0"),

@@ -21,6 +21,7 @@
 
 #define SEGMENT 64
 #define TILE 32
+#define FN static inline __attribute__((always_inline))
 #define EACH for (int i = 0; i < SEGMENT; ++i)
 
 // Where directions lie between the texels of a framed environment.
@@ -49,7 +50,7 @@ typedef struct {
     REAL x[SEGMENT], y[SEGMENT], z[SEGMENT];
 } Directions;
 
-inline void turn(Directions *restrict to, int i, REAL x, REAL y, REAL z, const REAL *restrict m)
+FN void turn(Directions *restrict to, int i, REAL x, REAL y, REAL z, const REAL *restrict m)
 {
     to->x[i] = m[0] * x + m[1] * y + m[2] * z;
     to->y[i] = m[3] * x + m[4] * y + m[5] * z;
@@ -57,7 +58,7 @@ inline void turn(Directions *restrict to, int i, REAL x, REAL y, REAL z, const R
 }
 
 // The segment's part of an array of `each` floats for every pixel; after the last pixel, that one again.
-inline void fetch(float *restrict to, global const float *restrict from, int each, ulong first, int last)
+FN void fetch(float *restrict to, global const float *restrict from, int each, ulong first, int last)
 {
     if (last == SEGMENT - 1) {
         for (int j = 0; j < each * SEGMENT; ++j)
@@ -69,7 +70,7 @@ inline void fetch(float *restrict to, global const float *restrict from, int eac
             to[i * each + k] = from[(first + min(i, last)) * each + k];
 }
 
-inline void located(Places *restrict at, const Directions *restrict d, int tall, int wide,
+FN void located(Places *restrict at, const Directions *restrict d, int tall, int wide,
                     global const int *restrict cells)
 {
     REAL s[SEGMENT], t[SEGMENT];
@@ -123,10 +124,10 @@ inline void located(Places *restrict at, const Directions *restrict d, int tall,
 }
 
 // A neighbour of no weight takes no part, whatever it holds.
-inline float4 mixed(float4 a, float4 b, float t) { return t == 0.0f ? a : (1.0f - t) * a + t * b; }
+FN float4 mixed(float4 a, float4 b, float t) { return t == 0.0f ? a : (1.0f - t) * a + t * b; }
 
 // The second of two neighbouring texels.
-inline float4 next(float8 both)
+FN float4 next(float8 both)
 {
 #if COLOURS == 1
     return both.s1234;
@@ -140,7 +141,7 @@ inline float4 next(float8 both)
 }
 
 // Between texels, or the nearest. Reads up to 8 floats from a texel on; what is not of it or its neighbour is not used.
-inline float4 value(global const float *restrict image, const Places *restrict at, int i, int wide, int nearest)
+FN float4 value(global const float *restrict image, const Places *restrict at, int i, int wide, int nearest)
 {
     global const float *p = image + COLOURS * (size_t)at->texel[i];
     size_t row = COLOURS * (size_t)(wide + 2);
@@ -149,11 +150,15 @@ inline float4 value(global const float *restrict image, const Places *restrict a
         float gone = at->x[i] + at->y[i];
         return gone == gone ? near : (float4)(gone);
     }
+    float x = at->x[i], y = at->y[i];
     float8 upper = vload8(0, p), lower = vload8(0, p + row);
-    return mixed(mixed(upper.lo, next(upper), at->x[i]), mixed(lower.lo, next(lower), at->x[i]), at->y[i]);
+    if (x * y == 0.0f)
+        return mixed(mixed(upper.lo, next(upper), x), mixed(lower.lo, next(lower), x), y);
+    float8 both = (1.0f - y) * upper + y * lower;
+    return (1.0f - x) * both.lo + x * next(both);
 }
 
-inline float4 coloured(const float *restrict from, int i)
+FN float4 coloured(const float *restrict from, int i)
 {
     float4 made = (float4)(0.0f);
     made.x = from[i * COLOURS];
@@ -171,7 +176,7 @@ inline float4 coloured(const float *restrict from, int i)
 
 // Of the cosine before and the squared one behind. A difference that could lose digits is taken in doubles; of what
 // follows, WEIGHT keeps enough.
-inline float reflected(double before, double ratio, double k)
+FN float reflected(double before, double ratio, double k)
 {
     WEIGHT c = (WEIGHT)before;
 #if FRESNEL == 2
@@ -200,11 +205,12 @@ kernel void reflection(global const float *restrict normals, global const float 
         return;
     int last = (int)min((ulong)SEGMENT, pixels - first) - 1;
     int skip[SEGMENT], all_skipped = skipped != 0;
-    EACH {
-        uint at = (uint)first + min(i, last), row = at / (uint)width, column = at - row * (uint)width;
-        skip[i] = skipped ? skipped[row / TILE * ((width + TILE - 1) / TILE) + column / TILE] : 0;
-        all_skipped &= skip[i];
-    }
+    if (skipped)
+        EACH {
+            uint at = (uint)first + min(i, last), row = at / (uint)width, column = at - row * (uint)width;
+            skip[i] = skipped[row / TILE * ((width + TILE - 1) / TILE) + column / TILE];
+            all_skipped &= skip[i];
+        }
     if (all_skipped) {
         for (int k = 0; k < COLOURS * (last + 1); ++k)
             out[COLOURS * first + k] = BASE ? base[COLOURS * first + k] : 0.0f;
@@ -333,10 +339,11 @@ kernel void reflection(global const float *restrict normals, global const float 
         made[i] = empty[i] ? kept : made[i] + passes * seen;
     }
 #endif
+    if (skipped)
 #if BASE
-    EACH made[i] = skip[i] ? coloured(own, i) : made[i];
+        EACH made[i] = skip[i] ? coloured(own, i) : made[i];
 #else
-    EACH made[i] = skip[i] ? (float4)(0.0f) : made[i];
+        EACH made[i] = skip[i] ? (float4)(0.0f) : made[i];
 #endif
     for (int i = 0; i <= last; ++i) {
         global float *p = out + (first + i) * COLOURS;

@@ -6,7 +6,7 @@ found in float32 that is 5 roundings: the slant of a ray has 3, a depth 1, their
 Mean densities of layers err absolutely: x mean'(x) = density(x) - mean(x) is at most the largest density, so relative
 errors of x count by that, and so do those of a segment's ends. Times the longest path there is, that is an error of the
 optical depth. Between entries w apart, a table of means errs by w / 2 times the largest slope of the mean, which is
-half that of the density.
+half that of the density. Shares of the rise are products with one over it, which is one rounding more than a division.
 
 The exponent of height fog errs by roundings of the height in falloffs. It matters up to where 20 optical depths are
 reached, so at (e^u - 1) density falloff e^lift = 20; beyond, nothing comes through on either side, to 2.1e-9.
@@ -62,7 +62,7 @@ def _rounding(p: Parameters, facts: InputFacts) -> float:
         return min(ROUNDING * (8 * p.end / (p.end - p.start) + 3), 1.0)
     if p.kind is not Kind.HEIGHT:
         usual = {Kind.EXPONENTIAL: 5.0, Kind.SQUARED: 8.0, Kind.LAYERED: 5.0}[p.kind] * ROUNDING
-        return min(usual + _layers(p, facts, 11 + 2 * len(p.heights)), 1.0)
+        return min(usual + _layers(p, facts, 12 + 2 * len(p.heights)), 1.0)
     if p.clear:
         return 0.0
     power = math.log(HIDDEN) - math.log(p.density * p.falloff) - p.lift

@@ -49,20 +49,27 @@ PLANE_FN float16 tabled(float16 x, global const float *restrict table, int entri
     return x == x ? a + (place - convert_float16(cell)) * (b - a) : x;
 }
 
-// The mean density of layers between the eye's height and `rise` above it.
+// The mean density of layers between the eye's height and `rise` above it. Rises that no float's square root notices are
+// none: one over them may be infinite.
 PLANE_FN float16 mean_density(float16 rise, global const float *restrict layers, int above, int below)
 {
     float16 far = fabs(rise), total = ZERO;
+    far = far < 0x1p-120f ? ZERO : far;
+    float16 per = ONE / far;
+    int16 up = rise >= 0.0f, down = rise < 0.0f;
     for (int k = 0; k < above + below; k++) {
         float b = layers[4 * k], w = layers[4 * k + 1], s = layers[4 * k + 2], m = layers[4 * k + 3];
+        int16 side = k < above ? up : down;
+        bool first = k == 0 || k == above;
+        if (!mask_any(first ? side : side & (far > b)))
+            continue;
         float16 t = far - b;
         t = t > 0.0f ? t : ZERO;
         t = t < w ? t : (float16)(w);
-        float16 share = t > 0.0f ? t / far : ZERO;
-        if (k == 0 || k == above)
+        float16 share = t > 0.0f ? t * per : ZERO;
+        if (first)
             share = far <= w ? ONE : share;
-        float16 part = share * (s + 0.5f * m * t);
-        total += (k < above ? rise >= 0.0f : rise < 0.0f) ? part : ZERO;
+        total += side ? share * (s + 0.5f * m * t) : ZERO;
     }
     return total;
 }
@@ -96,7 +103,7 @@ kernel void fog(global const float *restrict image, global const float *restrict
             ahead = n[17] != 0.0 ? ahead + n[17] * pz : ahead;
             float16 z = convert_float16(ahead);
             z = z < 0.0f ? ZERO : z;
-            d = isinf(d) ? d : (d == d ? z : d);
+            d = d == INFINITY ? d : (d == d ? z : d);
         }
 #if KIND >= 3
         double16 up = (double16)(0.0);
@@ -121,7 +128,7 @@ kernel void fog(global const float *restrict image, global const float *restrict
         climb = climb / slant;
 #endif
 #endif
-        int16 nothing = isinf(d);
+        int16 nothing = d == INFINITY;
         float16 t;
 #if KIND == 0
         t = num_clamp((start - d) * slope, ZERO, ONE);
@@ -133,7 +140,7 @@ kernel void fog(global const float *restrict image, global const float *restrict
 #elif KIND <= 2
         t = nothing ? ZERO : tabled(d * slope, layers, entries);
 #elif KIND == 3
-        rise = nothing | isinf(rise) ? ZERO : rise;
+        rise = nothing | (fabs(rise) == INFINITY) ? ZERO : rise;
 #if TABLE
         float16 places = fabs(rise) * slope;
         float16 mean = places <= (float)(entries - 1)
@@ -150,7 +157,7 @@ kernel void fog(global const float *restrict image, global const float *restrict
         endless = climb == 0.0f ? (float16)((float)n[25]) : endless;
         t = num_exp(-(density * (nothing ? endless : mean * d)));
 #else
-        rise = nothing | isinf(rise) ? ZERO : rise;
+        rise = nothing | (fabs(rise) == INFINITY) ? ZERO : rise;
         float16 u = rise * per_fall, down = -u > 0.0f ? -u : ZERO;
         float16 within = density * settled(fabs(u)) * num_exp(lift + down) * d;
         float16 endless = climb > 0.0f ? (float16)((float)n[21]) / climb : (float16)(INFINITY);
@@ -173,7 +180,7 @@ kernel void fog(global const float *restrict image, global const float *restrict
         hidden *= v[CHANNELS - 1];
 #endif
         for (int c = 0; c < CHANNELS - COVERAGE; c++)
-            v[c] = (t == 0.0f && isinf(v[c]) ? ZERO : t * v[c]) + hidden * colour[c];
+            v[c] = ((t == 0.0f) & (fabs(v[c]) == INFINITY) ? ZERO : t * v[c]) + hidden * colour[c];
         planes_store(v, to, CHANNELS, count);
 #else
 #if COVERAGE
@@ -183,7 +190,7 @@ kernel void fog(global const float *restrict image, global const float *restrict
 #endif
         for (int c = 0; c < CHANNELS - COVERAGE; c++) {
             float16 v = plane_load(in, CHANNELS, c, count);
-            plane_store((t == 0.0f && isinf(v) ? ZERO : t * v) + hidden * colour[c], to, CHANNELS, c, count);
+            plane_store(((t == 0.0f) & (fabs(v) == INFINITY) ? ZERO : t * v) + hidden * colour[c], to, CHANNELS, c, count);
         }
 #endif
     }

@@ -4,6 +4,7 @@
 // which inputs there are by their channels, 0 for none, and what is looked up by the size of the tables: a program for
 // every combination would take longer to build than it saves.
 #include "../compositing/planes.clh"
+#include "mask.clh"
 #include "reflection.clh"
 
 #define ROW 40
@@ -131,7 +132,7 @@ kernel void lighting(global const float *restrict normal, global const float *re
     vector16 facing = vector_unit(load3(normal + first * 3, count)), place = facing, v = same3(n + 6);
     if (placed) {
         place = load3(position + first * 3, count);
-        if (all((fabs(place.x) == INFINITY) | (fabs(place.y) == INFINITY) | (fabs(place.z) == INFINITY))) {
+        if (mask_all((fabs(place.x) == INFINITY) | (fabs(place.y) == INFINITY) | (fabs(place.z) == INFINITY))) {
             float16 nothing[3] = {(float16)(0.0f), (float16)(0.0f), (float16)(0.0f)};
             planes_store(nothing, out + first * 3, 3, count);
             return;
@@ -174,7 +175,7 @@ kernel void lighting(global const float *restrict normal, global const float *re
 #if SHINY
         sound &= tame(shiny) & tame(t) & (fabs(rough) < INFINITY);
 #endif
-        spoilt = !all(sound | (placed ? nowhere : (int16)(0)));
+        spoilt = !mask_all(sound | (placed ? nowhere : (int16)(0)));
     }
     for (int k = 0; k < (spoilt ? lamps : looked_at); k++) { // what is left out follows what is not
         int lamp = active ? active[1 + k] : k;

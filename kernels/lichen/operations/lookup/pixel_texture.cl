@@ -3,6 +3,7 @@
 // Definitions given at build time:
 //   REAL               float or double: the precision of coordinates
 //   DIMENSIONS, TAPS   1 to 4; 1 (nearest), 2 (linear) or 4 (cubic) texels along each axis
+//   MADE               channels of the texture where they are 1, 3 or 4, so that a texel is one vector; else 0
 // `n` holds 4 scales, 4 biases, 4 rows of 5 of the matrix, the background, and the tables before and after, 4 each of
 // `before` and `after` entries, 0 for none. `sizes` holds the axes' sizes, then their borders.
 
@@ -14,6 +15,20 @@
 #define FARTHEST ((REAL)1073741824.0)
 #define TABLES 29
 #define TOTAL (1 << ((TAPS >> 1) * DIMENSIONS)) // TAPS to the power of DIMENSIONS
+
+#if MADE == 4
+#define T float4
+#define LOAD(from, i) vload4(i, from)
+#define STORE(value, to, i) vstore4(value, i, to)
+#elif MADE == 3
+#define T float3
+#define LOAD(from, i) vload3(i, from)
+#define STORE(value, to, i) vstore3(value, i, to)
+#else
+#define T float
+#define LOAD(from, i) (from)[i]
+#define STORE(value, to, i) (to)[i] = value
+#endif
 
 inline REAL looked_up(REAL x, global const REAL *restrict table, int entries)
 {
@@ -72,9 +87,13 @@ kernel void lookup(global const float *restrict in, global const float *restrict
 #endif
 #endif
         }
-        // Every tap once, whatever the channels; -1 is the background.
+        // A texel of weight 0 is not read: it may be NaN. Where the channels are many, every tap is found once for all.
+#if MADE
+        T total = (T)(0.0f);
+#else
         int tap[TOTAL], taken = 0;
         float share[TOTAL];
+#endif
 #if DIMENSIONS >= 4
         for (int l = 0; l < TAPS; l++)
 #endif
@@ -106,14 +125,25 @@ kernel void lookup(global const float *restrict in, global const float *restrict
             w *= weight[0][o];
             if (w == 0.0f)
                 continue;
+#if MADE
+            T texel = (T)(background);
+            if (!outside)
+                texel = LOAD(texels, index);
+            total += w * texel;
+#else
             tap[taken] = outside ? -1 : index;
             share[taken++] = w;
+#endif
         }
+#if MADE
+        STORE(nan ? (T)(NAN) : (behind ? (T)(background) : total), out, i);
+#else
         for (int c = 0; c < made; c++) {
             float total = 0.0f;
             for (int k = 0; k < taken; k++)
                 total += share[k] * (tap[k] < 0 ? background : texels[(size_t)tap[k] * made + c]);
             out[i * made + c] = nan ? NAN : (behind ? background : total);
         }
+#endif
     }
 }

@@ -317,6 +317,7 @@ def _launched(device: Device, inputs: Inputs, p: Parameters, real: type[np.float
     out = aligned_empty((image.height, image.width, texture.channels))
     defines: dict[str, int | float | str] = {
         "REAL": "double" if real is np.float64 else "float", "DIMENSIONS": p.dimensions, "TAPS": TAPS[p.filter],
+        "MADE": texture.channels if texture.channels in (1, 3, 4) else 0,
     }  # fmt: skip
     with device.session() as session:
         session.launch(

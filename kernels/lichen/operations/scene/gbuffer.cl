@@ -8,6 +8,8 @@
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
+#include "mask.clh"
+
 #define SEGMENT 64
 #define LANES 8
 #define WIDTH 16
@@ -75,7 +77,7 @@ FN double8 blob(global const double *restrict row, global const double *restrict
     double8 t = enter > 0.0 ? enter : (double8)(0.0);
     long8 live = leave > 0.0;
     triple slope;
-    for (int step = 0; step < STEPS && any(live); step++) {
+    for (int step = 0; step < STEPS && mask_any(live); step++) {
         double8 gap = fabs(blob_distance(mine, count, row[5], along(origin, t, d), &slope));
         long8 arrived = live & (gap < 0x1p-30 * (1.0 + t * length));
         found = arrived ? t : found;

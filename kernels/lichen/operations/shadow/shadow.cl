@@ -1,5 +1,6 @@
 // Which share of a light reaches every point, eight pixels of a row at a time, in doubles; comparing.py is the
-// definition, operation for operation.
+// definition, operation for operation. Where only some texels of a square are compared, and depths are stored as they
+// are, floats do: sums of products round less than the quantum that is allowed for, which is then twice as large.
 //
 // Definitions given at build time:
 //   KIND       0 one texel, 1 comparisons averaged, 2 over a penumbra, 3 Chebyshev's bound, 4 some texels of a square
@@ -12,18 +13,32 @@
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
+#include "mask.clh"
+
 #define SEGMENT 64
 #define TILE 32
 #define LANES 8
 #define MARGIN 64.0
 #define MOST 33 // texels across the widest filter
-#define QUANTUM 0x1p-21
 #define FN static inline __attribute__((always_inline))
-#define ZERO ((double8)(0.0))
-#define ONE ((double8)(1.0))
+#if KIND == 4 && !TERMS
+typedef float real;
+typedef float8 real8;
+typedef int8 mask8;
+#define REAL8 convert_float8
+#define QUANTUM 0x1p-20f
+#else
+typedef double real;
+typedef double8 real8;
+typedef long8 mask8;
+#define REAL8 convert_double8
+#define QUANTUM 0x1p-21
+#endif
+#define ZERO ((real8)((real)0))
+#define ONE ((real8)((real)1))
 
-typedef struct { double8 x, y, z; } triple;
-typedef struct { double8 u, v, z, quantum, along, facing, right, down; } receiver;
+typedef struct { real8 x, y, z; } triple;
+typedef struct { real8 u, v, z, quantum, along, facing, right, down; } receiver;
 typedef struct {
     global const float *restrict pixels;
     global const double *restrict n;
@@ -38,36 +53,45 @@ FN triple three(global const float *restrict in, int count)
             lane[i] = i < 3 * count ? in[i] : 0.0f;
     float8 a = count < LANES ? vload8(0, lane) : vload8(0, in), b = count < LANES ? vload8(1, lane) : vload8(1, in);
     float8 c = count < LANES ? vload8(2, lane) : vload8(2, in);
-    return (triple){convert_double8((float8)(a.s0, a.s3, a.s6, b.s1, b.s4, b.s7, c.s2, c.s5)),
-                    convert_double8((float8)(a.s1, a.s4, a.s7, b.s2, b.s5, c.s0, c.s3, c.s6)),
-                    convert_double8((float8)(a.s2, a.s5, b.s0, b.s3, b.s6, c.s1, c.s4, c.s7))};
+    return (triple){REAL8((float8)(a.s0, a.s3, a.s6, b.s1, b.s4, b.s7, c.s2, c.s5)),
+                    REAL8((float8)(a.s1, a.s4, a.s7, b.s2, b.s5, c.s0, c.s3, c.s6)),
+                    REAL8((float8)(a.s2, a.s5, b.s0, b.s3, b.s6, c.s1, c.s4, c.s7))};
 }
 
-FN double8 one(global const float *restrict in, int count)
+FN real8 one(global const float *restrict in, int count)
 {
     if (count == LANES)
-        return convert_double8(vload8(0, in));
-    double lane[LANES];
+        return REAL8(vload8(0, in));
+    real lane[LANES];
     for (int i = 0; i < LANES; i++)
         lane[i] = i < count ? in[i] : 0.0f;
     return vload8(0, lane);
 }
 
-FN double8 row_of(global const double *restrict m, triple p) { return ((m[0] * p.x + m[1] * p.y) + m[2] * p.z) + m[3]; }
-FN double8 dot_of(global const double *restrict a, triple p) { return (p.x * a[0] + p.y * a[1]) + p.z * a[2]; }
+// Texels that lie anywhere, lane by lane in registers: by way of memory a load would wait for the stores before it.
+FN float8 gathered(global const float *restrict p, int8 at)
+{
+    return (float8)(p[at.s0], p[at.s1], p[at.s2], p[at.s3], p[at.s4], p[at.s5], p[at.s6], p[at.s7]);
+}
+
+FN real8 row_of(global const double *restrict m, triple p)
+{
+    return (((real)m[0] * p.x + (real)m[1] * p.y) + (real)m[2] * p.z) + (real)m[3];
+}
+FN real8 dot_of(global const double *restrict a, triple p)
+{
+    return (p.x * (real)a[0] + p.y * (real)a[1]) + p.z * (real)a[2];
+}
+
+#if KIND < 4 || TERMS
 
 // Planar depths of texels, and the step that they are stored in.
 FN double8 depths(light_map map, double8 i, double8 j, double8 *step)
 {
     long8 inside = (i >= 0.0) & (i < (double)map.width) & (j >= 0.0) & (j < (double)map.height);
-    bool whole = all(inside);
+    bool whole = mask_all(inside);
     int8 column = convert_int8(whole ? i : (inside ? i : ZERO)), row = convert_int8(whole ? j : (inside ? j : ZERO));
-    int at[LANES];
-    float lane[LANES];
-    vstore8(row * map.width + column, 0, at);
-    for (int k = 0; k < LANES; k++)
-        lane[k] = map.pixels[at[k]];
-    double8 m = convert_double8(vload8(0, lane));
+    double8 m = convert_double8(gathered(map.pixels, row * map.width + column));
     global const double *n = map.n;
 #if TERMS
     double8 below = n[34] + n[35] * m;
@@ -76,10 +100,10 @@ FN double8 depths(light_map map, double8 i, double8 j, double8 *step)
     *step = ZERO;
 #if BITS > 2
     double8 shown = BITS == 3 ? m : (n[36] / m - n[37]) / n[38], large = shown * n[30], short_one = large - (large - shown);
-    short_one = isinf(shown) ? shown : short_one;
+    short_one = fabs(shown) == (double8)(INFINITY) ? shown : short_one;
     double8 kept = BITS == 3 ? short_one : n[36] / (n[37] + n[38] * short_one);
-    *step = isinf(kept) ? ZERO : fabs(BITS == 3 ? kept : kept - kept * kept * (n[37] / n[36])) * n[31];
-    m = isinf(m) ? m : kept;
+    *step = fabs(kept) == (double8)(INFINITY) ? ZERO : fabs(BITS == 3 ? kept : kept - kept * kept * (n[37] / n[36])) * n[31];
+    m = fabs(m) == (double8)(INFINITY) ? m : kept;
 #elif BITS
     double near = n[36], far = n[37], unit = n[38];
     double8 held = m < near ? (double8)(near) : (m > far ? (double8)(far) : m), made;
@@ -90,7 +114,7 @@ FN double8 depths(light_map map, double8 i, double8 j, double8 *step)
     made = 1.0 / (1.0 / near - rint((1.0 / near - 1.0 / held) / unit) * unit);
     *step = (made * made) * unit;
 #endif
-    m = isinf(m) ? m : made;
+    m = fabs(m) == (double8)(INFINITY) ? m : made;
 #endif
     return inside ? m : (double8)(n[39]);
 }
@@ -138,7 +162,7 @@ FN double8 averaged(light_map map, receiver r, double8 side, int count)
         double8 b = shares(r.v - half_side, r.v + half_side, row, &j);
         for (int column = 0; column < count; column++) {
             double8 weight = across[column] * b, i = at[column];
-            if (!any(weight > 0.0))
+            if (!mask_any(weight > 0.0))
                 continue;
             double8 m = depths(map, i, j, &step);
             total = total + (weight > 0.0 ? weight * lit(map, r, m, step, i, j) : ZERO);
@@ -197,9 +221,8 @@ FN double8 chebyshev(light_map map, receiver r, double side, int count)
     return spoilt ? (double8)(NAN) : made;
 }
 
-// The mean of comparisons with the texels at some places of a square. Where depths are stored as they are, floats do: what
-// they round is less than the quantum that is allowed for.
-#if TERMS
+#if KIND == 4
+// The mean of comparisons with the texels at some places of a square.
 FN double8 sampled(light_map map, receiver r, double side, global const double *restrict places, int count)
 {
     double8 total = ZERO, step;
@@ -210,45 +233,43 @@ FN double8 sampled(light_map map, receiver r, double side, global const double *
     }
     return total / (double)count;
 }
+#endif
 #else
-FN double8 sampled(light_map map, receiver r, double side, global const double *restrict places, int count)
+FN float8 sampled(light_map map, receiver r, float side, global const double *restrict places, int count)
 {
     global const double *n = map.n;
-    float8 u = convert_float8(r.u), v = convert_float8(r.v), z = convert_float8(r.z), total = (float8)(0.0f);
-    float8 quantum = convert_float8(r.quantum);
+    int8 passed = 0;
+    float8 spoilt = ZERO, beyond = (float8)((float)n[39]), left = r.u - 0.5f, top = r.v - 0.5f;
 #if NORMALS
-    float8 along = convert_float8(r.along), facing = convert_float8(r.facing);
-    float8 right = convert_float8(r.right), down = convert_float8(r.down);
-    float8 bend = PARALLEL ? (float8)((float)n[29]) : (float)n[29] * z;
+    float8 bend = PARALLEL ? (float8)((float)n[29]) : (float)n[29] * r.z;
+    float8 base = PARALLEL ? r.along : r.facing;
+    float8 right = PARALLEL ? -r.right : r.right, down = PARALLEL ? -r.down : r.down;
+    base = (base + right * (0.5f - map.width * 0.5f)) + down * (0.5f - map.height * 0.5f);
 #else
-    float8 wide = PARALLEL ? (float8)((float)n[32]) : (float)n[32] * z;
+    float8 wide = PARALLEL ? (float8)((float)n[32]) : (float)n[32] * r.z;
 #endif
     for (int k = 0; k < count; k++) {
-        float8 i = floor(u + (float)(places[2 * k] * side)), j = floor(v + (float)(places[2 * k + 1] * side));
+        float8 i = floor(r.u + (float)places[2 * k] * side), j = floor(r.v + (float)places[2 * k + 1] * side);
         int8 column = convert_int8(i), row = convert_int8(j);
         int8 inside = (column >= 0) & (column < map.width) & (row >= 0) & (row < map.height);
-        int at[LANES];
-        float lane[LANES];
-        vstore8((inside ? row * map.width + column : (int8)(0)), 0, at);
-        for (int l = 0; l < LANES; l++)
-            lane[l] = map.pixels[at[l]];
-        float8 m = inside ? vload8(0, lane) : (float8)((float)n[39]), reach = m + quantum, du = i + 0.5f, dv = j + 0.5f;
+        float8 m = gathered(map.pixels, (row * map.width + column) & inside);
+        m = inside ? m : beyond;
+        float8 reach = m + r.quantum, apart = fabs(i - left) + fabs(j - top);
 #if NORMALS
-        float8 across = du - map.width * 0.5f, low = dv - map.height * 0.5f;
-        reach = reach + bend * (fabs(du - u) + fabs(dv - v));
+        reach = fma(bend, apart, reach);
+        float8 plane = fma(down, j, fma(right, i, base));
 #if PARALLEL
-        float8 above = (along - right * across) - down * low;
-        int8 yes = (z <= reach) | ((facing < 0.0f) & (above >= reach * facing));
+        int8 yes = (r.z <= reach) | ((r.facing < 0.0f) & (plane >= reach * r.facing));
 #else
-        float8 below = (facing + right * across) + down * low;
-        int8 yes = (z <= reach) | ((below < 0.0f) & (along >= reach * below));
+        int8 yes = (r.z <= reach) | ((plane < 0.0f) & (r.along >= reach * plane));
 #endif
 #else
-        int8 yes = z - wide * (fabs(du - u) + fabs(dv - v)) <= reach;
+        int8 yes = r.z - wide * apart <= reach;
 #endif
-        total = total + (m != m ? m : (yes ? (float8)(1.0f) : (float8)(0.0f)));
+        passed -= yes;
+        spoilt = m == m ? spoilt : m;
     }
-    return convert_double8(total) / (double)count;
+    return convert_float8(passed) / (float)count + spoilt;
 }
 #endif
 
@@ -273,41 +294,42 @@ kernel void shadow(global const float *restrict where, global const float *restr
 #if POSITION
         triple p = three(where + first * 3, there);
 #else
-        double8 x = vload8(0, xs + column), z = one(where + first, there);
-        double y = ys[row];
+        real8 x = REAL8(vload8(0, xs + column)), z = one(where + first, there);
+        real y = (real)ys[row];
         if (terms == 1)
-            z = z / sqrt(1.0 + x * x + y * y);
+            z = z / sqrt(ONE + x * x + y * y);
         else if (terms == 2) {
-            double8 below = n[44] + n[45] * z;
-            z = below <= 0.0 ? (double8)(INFINITY) : n[43] / below;
+            double8 below = n[44] + n[45] * convert_double8(z);
+            z = REAL8(below <= 0.0 ? (double8)(INFINITY) : n[43] / below);
         }
         triple p = {x * z, y * z, -z};
 #endif
         receiver r;
-            double8 w = row_of(n + 12, p), per = 1.0 / w, u = row_of(n, p) * per, v = row_of(n + 4, p) * per;
+        real8 w = row_of(n + 12, p), per = ONE / w, u = row_of(n, p) * per, v = row_of(n + 4, p) * per;
         r.z = row_of(n + 8, p);
-        r.quantum = QUANTUM * (((fabs(p.x) + fabs(p.y)) + fabs(p.z)) + n[41]);
-        double8 missing = (double8)(n[42]);
-        long8 nan = (p.x != p.x) | (p.y != p.y) | (p.z != p.z), dark = 0;
+        r.quantum = QUANTUM * (((fabs(p.x) + fabs(p.y)) + fabs(p.z)) + (real)n[41]);
+        real8 missing = (real8)((real)n[42]);
+        mask8 nan = (p.x != p.x) | (p.y != p.y) | (p.z != p.z), dark = 0;
 #if NORMALS
         triple m = three(normals + first * 3, there);
-        r.along = (m.x * (p.x - n[16]) + m.y * (p.y - n[17])) + m.z * (p.z - n[18]);
+        r.along = (m.x * (p.x - (real)n[16]) + m.y * (p.y - (real)n[17])) + m.z * (p.z - (real)n[18]);
         r.facing = -dot_of(n + 25, m);
-        r.right = dot_of(n + 19, m) * n[28];
-        r.down = -dot_of(n + 22, m) * n[28];
-        dark = (PARALLEL ? r.facing : r.along) > 0.0;
+        r.right = dot_of(n + 19, m) * (real)n[28];
+        r.down = -dot_of(n + 22, m) * (real)n[28];
+        dark = (PARALLEL ? r.facing : r.along) > (real)0;
         nan |= (m.x != m.x) | (m.y != m.y) | (m.z != m.z);
 #endif
-        long8 endless = (fabs(p.x) == (double8)(INFINITY)) | (fabs(p.y) == (double8)(INFINITY)) | (fabs(p.z) == (double8)(INFINITY));
-        long8 reaches = (w > 0.0) & (u > -MARGIN) & (u < map_width + MARGIN) & (v > -MARGIN) & (v < map_height + MARGIN)
+        mask8 endless = (fabs(p.x) == (real8)(INFINITY)) | (fabs(p.y) == (real8)(INFINITY)) | (fabs(p.z) == (real8)(INFINITY));
+        mask8 reaches = (w > (real)0) & (u > -(real)MARGIN) & (u < map_width + (real)MARGIN) & (v > -(real)MARGIN)
+                        & (v < map_height + (real)MARGIN)
                         & ~dark & ~endless & ~nan;
         missing = dark ? ZERO : missing;
         missing = endless ? ONE : missing;
-        missing = nan ? (double8)(NAN) : missing;
+        missing = nan ? (real8)(NAN) : missing;
         r.u = reaches ? u : ZERO;
         r.v = reaches ? v : ZERO;
-        double8 made = missing;
-        if (any(reaches)) {
+        real8 made = missing;
+        if (mask_any(reaches)) {
 #if KIND == 0
             double8 i = floor(r.u), j = floor(r.v), step, m0 = depths(map, i, j, &step);
             made = lit(map, r, m0, step, i, j);
@@ -318,7 +340,7 @@ kernel void shadow(global const float *restrict where, global const float *restr
 #elif KIND == 3
             made = chebyshev(map, r, n[46], count);
 #else
-            made = sampled(map, r, n[46], places, count);
+            made = sampled(map, r, (real)n[46], places, count);
 #endif
         }
         float8 shown = convert_float8(reaches ? made : missing);

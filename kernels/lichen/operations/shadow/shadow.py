@@ -181,8 +181,8 @@ def _sampled(inputs: Inputs, p: Parameters, rows: slice, taps: int) -> Array:
     unfit=lambda p, facts: None if p.kind is Kind.PCF and p.filter > 0 else "there is no square of comparisons",
 )
 class Sampled:
-    """The texels at some evenly spread places of the filter's square, each counting the same; on a device compared in
-    float32 where depths are stored as they are."""
+    """The texels at some evenly spread places of the filter's square, each counting the same; on a device found and
+    compared in float32 where depths are stored as they are."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:

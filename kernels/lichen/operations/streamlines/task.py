@@ -198,7 +198,7 @@ def _painted(pixels: Array, inputs: Inputs, p: Parameters) -> Array:
         lengths.append(np.hypot(x, y))
     length = np.concatenate(lengths)
     longest = p.fastest or float(np.nanmax(length, initial=0.0))
-    share = np.divide(length, longest, out=np.zeros_like(length), where=longest > 0)
+    share = np.divide(np.minimum(length, longest), longest, out=np.zeros_like(length), where=longest > 0)
     share = np.where(np.isnan(length), np.nan, share)
     colours = np.where(np.isnan(share)[:, :, None], 1.0, coloured(share, p.colour)).astype(pixels.dtype)
     painted: Array = colours * pixels[:, :, :1]

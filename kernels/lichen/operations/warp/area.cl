@@ -112,6 +112,7 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
             global const float *from = level ? pyramid + (size_t)CHANNELS * sizes[3 * level] : pixels;
             const int wide = level ? sizes[3 * level + 1] : columns;
             soft[i] = way[i] == 1 ? ellipse_small(from, wide, &at, i, limit) : ellipse_inside(from, wide, &at, i, limit);
+            if (!finite(soft[i])) way[i] = 3;
         }
         for (int i = 0; i < count; ++i) {
             if (way[i] == 4) soft[i] = (T)(value);

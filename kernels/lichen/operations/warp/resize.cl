@@ -1,5 +1,8 @@
-/* One axis of a resize: each sample of the result is a weighted sum of a few samples of the source.
- * `index` and `weights` hold `taps` for each; `outside` is what the border's value adds. */
+/* Resizing: each sample of the result is a weighted sum of a few samples of the source, along one axis and then the other.
+ * `index` and `weights` hold `taps` for each; `outside` is what the border's value adds.
+ *
+ * `both` does both axes at once where a result takes few rows, one after the other; `down` and `across`, with an image
+ * between them, are for all others. The sums have the same order, and so the same bits. */
 
 #define STRIP 64
 
@@ -81,3 +84,88 @@ kernel void across(global const float *restrict in, global float *restrict out, 
             }
     }
 }
+
+/* Both axes of a band of `tall` rows of a strip of OUT columns, of the `floats` source floats from `spans` on, at
+ * most WIDE; `reach` has the first source row of each row, and the one after its last. Source rows go through a ring of SLOTS, so that each is read from the image once, and is next to the rows that
+ * are summed with it: in the image, rows of 4096 pixels compete for the same lines of a cache. */
+#ifdef SLOTS
+inline void keep(float *restrict to, global const float *restrict from, int floats) {
+    int i = 0;
+    for (; i + 16 <= floats; i += 16) vstore16(vload16(0, from + i), 0, to + i);
+    for (; i < floats; ++i) to[i] = from[i];
+}
+
+inline void sum_rows(float *restrict to, const float *restrict ring, global const int *restrict at,
+                     global const float *restrict by, int taps, float begin, int floats) {
+    for (int first = 0; first < floats; first += STRIP) {
+        float16 a = begin, b = begin, c = begin, d = begin;
+        for (int k = 0; k < taps; ++k) {
+            const float *p = ring + at[k] % SLOTS * WIDE + first;
+            const float16 w = by[k];
+            a = fma(w, vload16(0, p), a);
+            b = fma(w, vload16(1, p), b);
+            c = fma(w, vload16(2, p), c);
+            d = fma(w, vload16(3, p), d);
+        }
+        vstore16(a, 0, to + first);
+        vstore16(b, 1, to + first);
+        vstore16(c, 2, to + first);
+        vstore16(d, 3, to + first);
+    }
+}
+
+kernel void both(global const float *restrict in, global float *restrict out, global const int *restrict index,
+                 global const float *restrict weights, global const float *restrict outside, int taps,
+                 global const int *restrict index_across, global const float *restrict weights_across,
+                 global const float *restrict outside_across, int taps_across, global const int *restrict reach,
+                 global const int *restrict spans, int columns, int wide, int rows, int tall, int given) {
+    const int strip = get_global_id(0), first = strip * OUT, top = get_global_id(1) * tall;
+    if (first >= wide || top >= rows) return;
+    const int channels = CHANNELS ? CHANNELS : given;
+    const int left = spans[2 * strip], floats = (spans[2 * strip + 1] - left) * channels;
+    const int count = min(OUT, wide - first), bottom = min(top + tall, rows);
+    const size_t pitch = (size_t)columns * channels, step = (size_t)wide * channels;
+    float ring[SLOTS * WIDE], lines[BLOCK * WIDE];
+    int held = 0; /* the row that the ring takes next */
+    for (int row = top; row < bottom; row += BLOCK) {
+        const int many = min(BLOCK, bottom - row);
+        for (int j = 0; j < many; ++j) {
+            global const int *at = index + (size_t)(row + j) * taps;
+            for (held = max(held, reach[2 * (row + j)]); held < reach[2 * (row + j) + 1]; ++held)
+                keep(ring + held % SLOTS * WIDE, in + held * pitch + left * channels, floats);
+            sum_rows(lines + j * WIDE, ring, at, weights + (size_t)(row + j) * taps, taps, outside[row + j], floats);
+        }
+        for (int i = first; i < first + count; ++i) {
+            global const int *at = index_across + (size_t)i * taps_across;
+            global const float *by = weights_across + (size_t)i * taps_across;
+            global float *to = out + row * step + (size_t)i * channels;
+            const float begin = outside_across[i];
+#if CHANNELS == 4
+            if (many == BLOCK) {
+                float4 a = begin, b = begin, c = begin, d = begin;
+                for (int k = 0; k < taps_across; ++k) {
+                    const float *p = lines + 4 * (at[k] - left);
+                    const float4 w = by[k];
+                    a = fma(w, vload4(0, p), a);
+                    b = fma(w, vload4(0, p + WIDE), b);
+                    c = fma(w, vload4(0, p + 2 * WIDE), c);
+                    d = fma(w, vload4(0, p + 3 * WIDE), d);
+                }
+                vstore4(a, 0, to);
+                vstore4(b, 0, to + step);
+                vstore4(c, 0, to + 2 * step);
+                vstore4(d, 0, to + 3 * step);
+                continue;
+            }
+#endif
+            for (int j = 0; j < many; ++j)
+                for (int n = 0; n < channels; ++n) {
+                    float sum = begin;
+                    for (int k = 0; k < taps_across; ++k)
+                        sum = fma(by[k], lines[j * WIDE + channels * (at[k] - left) + n], sum);
+                    to[j * step + n] = sum;
+                }
+        }
+    }
+}
+#endif

@@ -57,6 +57,8 @@ from lichen.part import Part, Place, Rectangle, place_of, placed
 Factor = Annotated[float, Field(gt=0, le=LARGEST)]
 STRIP, BLOCK = 64, 4
 """Floats of a row, or columns, and rows that one work-item does; as in resize.cl."""
+WIDE, BAND = 1280, 64
+"""Floats of a source row, and rows of the result, that one work-item does both axes of."""
 
 
 class Parameters(OperationParameters):
@@ -303,17 +305,31 @@ def _opencl(device: Device, inputs: Inputs, p: Parameters, name: str) -> Array:
     across, down = _axes(p, Facts.sized(image), name)
     channels = image.channels
     out = aligned_empty((height, width, channels))
+    given = (*tables(down, p.value), np.int32(down.taps)), (*tables(across, p.value), np.int32(across.taps))
+    slots, spans = down.slots(), across.spans(WIDE // channels)
     with device.session() as session:
+        if slots is not None and spans is not None:
+            strips, band = len(spans[1]), BAND
+            while band > 8 and strips * -(-height // band) < 4 * device.compute_units:
+                band //= 2
+            session.launch(
+                "warp/resize.cl", "both", (strips, -(-height // band)), aligned(image.pixels), session.readwrite(out),
+                *given[0], *given[1], aligned(np.stack(down.reach, axis=-1), np.int32), aligned(spans[1], np.int32),
+                np.int32(image.width), np.int32(width), np.int32(height), np.int32(band), np.int32(channels),
+                local=(1, 1),
+                defines={**built_for(channels), "SLOTS": slots, "OUT": spans[0], "WIDE": WIDE},
+            )  # fmt: skip
+            return out
         between = session.scratch((height, image.width, channels))
         session.launch(
             "warp/resize.cl", "down", (-(-image.width * channels // STRIP), height), aligned(image.pixels),
-            session.readwrite(between), *tables(down, p.value), np.int32(down.taps),
-            np.int32(image.width * channels), np.int32(height), local=(1, 16), defines=built_for(channels),
+            session.readwrite(between), *given[0], np.int32(image.width * channels), np.int32(height), local=(1, 16),
+            defines=built_for(channels),
         )  # fmt: skip
         session.launch(
             "warp/resize.cl", "across", (-(-width // STRIP), -(-height // BLOCK)), between, session.write(out),
-            *tables(across, p.value), np.int32(across.taps), np.int32(image.width), np.int32(width),
-            np.int32(height), np.int32(channels), local=(1, 16), defines=built_for(channels),
+            *given[1], np.int32(image.width), np.int32(width), np.int32(height), np.int32(channels), local=(1, 16),
+            defines=built_for(channels),
         )  # fmt: skip
     return out
 

@@ -24,6 +24,9 @@ from lichen.operations.warp.kernels import Doubles, Kernel
 
 MOST = 1 << 22
 """Weights worked on at once."""
+SLOTS = 32, 64
+GROUPS = 64, 32, 16
+Whole = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +57,29 @@ class Axis:
         some = slice(first, first + count)
         index = np.clip(self.index[some] - np.int32(start), 0, length - 1)
         return Axis(index, self.weights[some], self.constant[some])
+
+    @property
+    def reach(self) -> tuple[Whole, Whole]:
+        """Of each sample of the result: the first of the source that it takes, and the one after the last."""
+        return self.index.min(axis=1), self.index.max(axis=1) + np.int32(1)
+
+    def slots(self) -> int | None:
+        """How many samples, a power of two, hold those of any one of the result if they are kept in order; None where
+        there are too many, or they are not in order, as where a periodic border takes some from both ends."""
+        low, high = self.reach
+        ordered = (np.diff(low) >= 0).all() and (np.diff(high) >= 0).all()
+        return next((count for count in SLOTS if int((high - low).max()) <= count), None) if ordered else None
+
+    def spans(self, most: int) -> tuple[int, Whole] | None:
+        """How many neighbours of the result take `most` samples of the source together at most, and for each such group
+        the first of these and the one after the last; None where even the fewest take more."""
+        low, high = self.reach
+        for count in GROUPS:
+            starts = np.arange(0, len(low), count)
+            found = np.stack([np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)], axis=-1)
+            if int((found[:, 1] - found[:, 0]).max()) <= most:
+                return count, found
+        return None
 
     def apply(self, pixels: Array, value: float) -> Array:
         """Along the first axis."""

@@ -13,8 +13,23 @@
     const int first = get_global_id(0) * SEGMENT, below = get_global_id(1), row = top + below;                         \
     if (first >= width || below >= height) return;                                                                     \
     const Picture picture = {pixels, columns, rows, border, value};                                                    \
+    const size_t start = (size_t)row * width + first, pitch = (size_t)CHANNELS * columns;                              \
+    int column[SEGMENT], line[SEGMENT];                                                                                \
+    float fx[SEGMENT], fy[SEGMENT];
+
+/* Where no pixel of the segment needs care, which is almost everywhere: found and sampled without a branch. */
+#define QUICK(half_, before, taps)                                                                                     \
+    (find_quick(column, line, fx, fy, matrix, table, first, row, below, width, half_, around, before, taps, &picture))
+#define WRITE_ALL(value)                                                                                               \
+    if (CHANNELS == 4 && stride == 4) {                                                                                \
+        EACH put(out, start + i, 4, 0, value);                                                                         \
+    } else {                                                                                                           \
+        EACH put(out, start + i, stride, channel, value);                                                              \
+    }
+
+#define FIND                                                                                                           \
     double x[SEGMENT], y[SEGMENT];                                                                                     \
-    int seen[SEGMENT];                                                                                                 \
+    int seen[SEGMENT], easy[SEGMENT];                                                                                  \
     locate(x, y, matrix, table, first, row, below, width);                                                             \
     from_corner(x, y, matrix);                                                                                         \
     EACH {                                                                                                             \
@@ -22,23 +37,12 @@
         y[i] += around;                                                                                                \
     }                                                                                                                  \
     fold(x, y, &picture);                                                                                              \
-    const int count = min(SEGMENT, width - first);                                                                     \
-    const size_t start = (size_t)row * width + first;
+    const int count = min(SEGMENT, width - first);
 
-#define SPLIT                                                                                                          \
-    int column[SEGMENT], line[SEGMENT], easy[SEGMENT];                                                                 \
-    float fx[SEGMENT], fy[SEGMENT];                                                                                    \
-    split_both(column, line, fx, fy, seen, x, y);
+#define SPLIT split_both(column, line, fx, fy, seen, x, y);
 
-/* Where no pixel of the segment needs care, all of them in one loop without a branch; else those that need none first,
- * then the others. */
+/* Those that need no care first, then the others. */
 #define WRITE(easy, quick, careful)                                                                                    \
-    int all = 1;                                                                                                       \
-    for (int i = 0; i < count; ++i) all &= easy[i];                                                                    \
-    if (all) {                                                                                                         \
-        for (int i = 0; i < count; ++i) put(out, start + i, stride, channel, quick);                                   \
-        return;                                                                                                        \
-    }                                                                                                                  \
     for (int i = 0; i < count; ++i)                                                                                    \
         if (easy[i]) put(out, start + i, stride, channel, quick);                                                      \
     for (int i = 0; i < count; ++i)                                                                                    \
@@ -46,7 +50,11 @@
 
 kernel void nearest(ARGUMENTS) {
     BEGIN
-    int column[SEGMENT], line[SEGMENT], easy[SEGMENT];
+    if (QUICK(0.0, 0, 1)) {
+        WRITE_ALL(LOAD(pixels + CHANNELS * ((size_t)line[i] * columns + column[i])))
+        return;
+    }
+    FIND
     EACH {
         seen[i] = fabs(x[i]) < INFINITY && fabs(y[i]) < INFINITY;
         column[i] = cell_before(within(x[i]));
@@ -59,6 +67,11 @@ kernel void nearest(ARGUMENTS) {
 
 kernel void linear(ARGUMENTS) {
     BEGIN
+    if (QUICK(0.5, 0, 2)) {
+        WRITE_ALL(bilinear_inside(&picture, column[i], line[i], fx[i], fy[i]))
+        return;
+    }
+    FIND
     SPLIT
     find_easy(easy, seen, column, line, fx, fy, 0, 2, &picture);
     WRITE(easy, bilinear_inside(&picture, column[i], line[i], fx[i], fy[i]),
@@ -73,24 +86,36 @@ inline T taps4_anywhere(const Picture *picture, int column, int row, const Four 
 
 kernel void four(ARGUMENTS, int kind) {
     BEGIN
-    SPLIT
     Four across, down;
+    if (QUICK(0.5, 1, 4)) {
+        weigh4(&across, fx, kind);
+        weigh4(&down, fy, kind);
+        WRITE_ALL(taps4(pixels + (line[i] - 1) * pitch + CHANNELS * (column[i] - 1), pitch, &across, &down, i))
+        return;
+    }
+    FIND
+    SPLIT
     weigh4(&across, fx, kind);
     weigh4(&down, fy, kind);
     find_easy(easy, seen, column, line, fx, fy, 1, 4, &picture);
-    const size_t pitch = (size_t)CHANNELS * columns;
     WRITE(easy, taps4(pixels + (line[i] - 1) * pitch + CHANNELS * (column[i] - 1), pitch, &across, &down, i),
           taps4_anywhere(&picture, column[i], line[i], &across, &down, i))
 }
 
 kernel void six(ARGUMENTS) {
     BEGIN
-    SPLIT
     Six across, down;
+    if (QUICK(0.5, 2, 6)) {
+        weigh6(&across, fx);
+        weigh6(&down, fy);
+        WRITE_ALL(taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i))
+        return;
+    }
+    FIND
+    SPLIT
     weigh6(&across, fx);
     weigh6(&down, fy);
     find_easy(easy, seen, column, line, fx, fy, 2, 6, &picture);
-    const size_t pitch = (size_t)CHANNELS * columns;
     WRITE(easy, taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i),
           taps6_anywhere(&picture, column[i], line[i], &across, &down, i))
 }

@@ -147,3 +147,17 @@ def test_truth_cuts_where_nothing_is_left() -> None:
 def test_whole_shifts_and_turns_have_whole_inverses() -> None:
     turn = np.array([[0.0, -1, 31], [1, 0, 7], [0, 0, 1]])
     np.testing.assert_array_equal(output_to_input(turn, inverse=False), [[0, 1, -7], [-1, 0, 31], [0, 0, 1]])
+
+
+@pytest.mark.parametrize("channels", [1, 4])
+@pytest.mark.parametrize("turn", [0.0, 0.6])
+def test_an_ellipse_beside_a_hole_does_not_see_it(channels: int, turn: float) -> None:
+    """A device weighs eight neighbours at once, those outside of the ellipse by 0: NaN times 0 must not show."""
+    pixels = np.random.default_rng(9).random((90, 110, channels), dtype=np.float32)
+    pixels[31, 40] = np.nan
+    pixels[60, 70] = np.inf
+    c, s = 0.45 * np.cos(turn), 0.45 * np.sin(turn)
+    given = {"matrix": [[c, -s, 20], [s, c, 5]], "width": 70, "height": 60, "method": "ewa", "border": "reflect"}
+    ours, plain = (lichen.run("affine", pixels, device=each, **given).image.pixels for each in ("opencl", "numpy"))
+    np.testing.assert_array_equal(np.isfinite(ours), np.isfinite(plain))
+    assert 0 < (~np.isfinite(ours)).sum() < 130 * channels

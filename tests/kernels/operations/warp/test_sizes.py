@@ -13,7 +13,7 @@ from lichen.image import Image, Space, as_image
 from lichen.operation import Border
 from lichen.operations.warp.kernels import LANCZOS3
 from lichen.operations.warp.pyramid import Halving, taps
-from lichen.operations.warp.separable import axis
+from lichen.operations.warp.separable import Axis, axis
 
 NOISE = np.random.default_rng(5).random((48, 64), dtype=np.float32)
 PILLOW = {
@@ -70,6 +70,41 @@ def test_weights_of_an_axis_sum_to_one(border: Border, sizes: tuple[int, int]) -
     np.testing.assert_allclose(made.weights.sum(axis=1) + made.constant, 1, atol=1e-12)
     assert made.index.min() >= 0
     assert made.index.max() < sizes[0]
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4, 5])
+@pytest.mark.parametrize("size", [(37, 150), (70, 9), (300, 200)])
+def test_both_axes_at_once_have_the_bits_of_one_after_the_other(
+    channels: int, size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """NaN included; rows that are skipped, rows that come twice, and strips and bands that are not full."""
+    pixels = np.random.default_rng(8).random((83, 190, channels), dtype=np.float32)
+    pixels[40, 77] = np.nan
+    for method in ("nearest", "box", "lanczos3"):
+        given = {"width": size[0], "height": size[1], "border": "reflect", "method": method, "device": "opencl"}
+        at_once = lichen.run("resize", pixels, **given).image.pixels
+        with monkeypatch.context() as only:
+            only.setattr(Axis, "slots", lambda self: None)
+            after = lichen.run("resize", pixels, **given).image.pixels
+        np.testing.assert_array_equal(at_once, after)
+
+
+@pytest.mark.parametrize("border", list(Border))
+def test_samples_kept_in_order_are_those_that_are_taken(border: Border) -> None:
+    made = axis(300, 70, LANCZOS3, border)
+    low, high = made.reach
+    assert (made.slots() is None) == (border is Border.WRAP)
+    if made.slots() is not None:
+        assert (made.index >= low[:, None]).all()
+        assert (made.index < high[:, None]).all()
+        assert made.slots() == 32
+    each = made.spans(128)
+    if each is not None:
+        count, spans = each
+        assert all(
+            (made.index[n * count : (n + 1) * count] >= first).all() and end - first <= 128
+            for n, (first, end) in enumerate(spans)
+        )
 
 
 def test_arrange_is_numpys() -> None:

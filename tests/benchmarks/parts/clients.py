@@ -1,71 +1,44 @@
 """What the ways in cost: the Python client over a raw socket, batches by their engines, tiles by their memory.
 
-    python tests/benchmarks/bench_clients.py imports|client|machine|batch|loopback|dask|tiles ...   (or all of them)
-
 The client and the socket ask one service for the same, by turns, and their medians are compared. Batches are of photos
-that are blurred: one process, two, a service on loopback, and a cluster whose items take 50 ms by themselves. Kernels
-of every process that does items run on one thread, in the runs that are compared with one another: on a machine of
-two processors one process would otherwise use both of them.
+that are blurred: one process, two, a service on loopback, and a cluster. Kernels of every process that does items run
+on one thread, in the runs that are compared with one another: on a machine of two processors one process would
+otherwise use both of them.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
-import signal
 import socket
 import statistics
 import subprocess
 import sys
 import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import serving
+from measuring import quick
+from sections import Section, table
 
 from lichen.files import encode
 from lichen.image import Image, Space, Storage
 from lichen_client import Client
 
-PHOTOS = int(os.environ.get("LICHEN_PHOTOS", "1000"))
-ROUNDS = 200
-
-
+TITLE = "Clients and batches"
+PHOTOS = int(os.environ.get("LICHEN_PHOTOS", "16" if quick() else "120"))
+ROUNDS = 10 if quick() else 200
+SIDE = int(os.environ.get("LICHEN_SIDE", "1024" if quick() else "8192"))
+"""Of the array that is done in tiles."""
 ALONE = dict.fromkeys(("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OPENCV_FOR_THREADS_NUM"), "1")
 """Lets kernels and codecs of a process run on one thread."""
 
 
-@contextlib.contextmanager
-def served(*flags: str, processes: int = 1, environment: dict[str, str] | None = None) -> Iterator[str]:
-    """The address of a service that is warm."""
-    with tempfile.TemporaryDirectory() as data:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "lichen_service", "--port", "0", "--workers", str(processes), *flags],
-            env={**os.environ, "LICHEN_DATA": data, "LICHEN_CALIBRATE": "off", **(environment or {})},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        try:
-            assert process.stdout is not None
-            said = ""
-            while len(re.findall(r"\bwarm\b", said)) < processes:  # every kernel is built
-                said += process.stdout.readline()
-                assert process.poll() is None, said
-            found = re.search(r"http://[\w.:]+", said)
-            assert found, said
-            threading.Thread(target=process.stdout.read, daemon=True).start()
-            yield found[0]
-        finally:
-            process.send_signal(signal.SIGTERM)
-            process.wait(30)
-
-
-def imports() -> None:
+def imports() -> str:
     """Of compiled modules, as an installation leaves them."""
     code = "import time; began = time.perf_counter(); import lichen_client; print(time.perf_counter() - began)"
     with tempfile.TemporaryDirectory() as compiled:
@@ -73,13 +46,12 @@ def imports() -> None:
         environment["PYTHONPYCACHEPREFIX"] = compiled
         command = [sys.executable, "-c", code]
         times = [float(subprocess.check_output(command, env=environment)) for _ in range(10)][1:]
-    print(f"import lichen_client: {statistics.median(times) * 1e3:.0f} ms", flush=True)
+    return f"{statistics.median(times) * 1e3:.0f} ms"
 
 
-def client() -> None:
+def client() -> str:
     pixels = np.random.default_rng(1).random((296, 296, 3), np.float32)  # 1.05 MB
-    with served("--cache", "0") as url, Client(url) as asking:
-        port = int(url.rpartition(":")[2])
+    with serving.lichen() as server, Client(server.url) as asking:
         call = {"gamma": 1.2, "device": "numpy"}
         expected = asking.levels(pixels, **call)
         body = bytes(encode(Image(pixels, Space.LINEAR, storage=Storage.FLOAT32), "npy").data)
@@ -88,7 +60,7 @@ def client() -> None:
         request = head.encode() + b"Content-Length: %d\r\n\r\n" % len(body) + body
         room = bytearray(2 << 20)
         times: dict[str, list[float]] = {"client": [], "socket": []}
-        with socket.create_connection(("127.0.0.1", port)) as raw:
+        with socket.create_connection(("127.0.0.1", server.port)) as raw:
             raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             for _ in range(ROUNDS):
                 began = time.perf_counter()
@@ -101,9 +73,7 @@ def client() -> None:
         assert len(got) > pixels.nbytes
     medians = {name: statistics.median(each) * 1e3 for name, each in times.items()}
     over = statistics.median(a - b for a, b in zip(times["client"], times["socket"], strict=True)) * 1e3
-    print(
-        f"1 MB array there and back: client {medians['client']:.2f}, socket {medians['socket']:.2f}, over {over:.2f} ms"
-    )
+    return f"client {medians['client']:.2f}, socket {medians['socket']:.2f}, client over socket {over:.2f} ms"
 
 
 def _ask(raw: socket.socket, request: bytes, room: bytearray) -> memoryview:
@@ -148,7 +118,7 @@ def batch_of(folder: Path, *further: str) -> float:
     return (count - begun) / ((last or time.monotonic()) - first)
 
 
-def bare(folder: Path, processes: int, seconds: float = 6.0) -> float:
+def bare(folder: Path, processes: int, seconds: float = 1.0 if quick() else 6.0) -> float:
     """Items a second that so many processes compute without a batch around them: what this machine can give."""
     code = f"""
 import sys, time
@@ -176,40 +146,32 @@ print(count, flush=True)
     return count / seconds
 
 
-def machine() -> None:
+def machine() -> str:
     with tempfile.TemporaryDirectory() as name:
         photos(Path(name), 8)
         one, two = bare(Path(name), 1), bare(Path(name), 2)
-        print(f"without a batch, a thread each: {one:.1f}/s by one process, {two:.1f}/s by two, {two / one:.2f} times")
+        return f"{one:.1f}/s by one process, {two:.1f}/s by two, {two / one:.2f} times"
 
 
-def batch() -> None:
+def batch() -> str:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         photos(folder, PHOTOS)
         one, two = (batch_of(folder, "--workers", count, "--threads", "1") for count in "12")
-        print(
-            f"{PHOTOS} photos here, a thread each: {one:.1f}/s by one process, {two:.1f}/s by two, "
-            f"{two / one:.2f} times",
-            flush=True,
-        )
+        return f"{one:.1f}/s by one process, {two:.1f}/s by two, {two / one:.2f} times"
 
 
-def loopback() -> None:
+def loopback() -> str:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         photos(folder, PHOTOS)
-        with served("--threads", "2", "--cache", "0", processes=2, environment=ALONE) as url:
-            there = batch_of(folder, "--url", url, "--workers", "2")
+        with serving.lichen("--threads", "2", workers=2, **ALONE) as server:
+            there = batch_of(folder, "--url", server.url, "--workers", "2")
         here = batch_of(folder, "--workers", "2", "--threads", "1")
-        print(
-            f"{PHOTOS} photos over loopback, by two processes there: {there:.1f}/s, {there / here:.2f} of {here:.1f}/s "
-            "by two here",
-            flush=True,
-        )
+        return f"{there:.1f}/s by two processes there, {there / here:.2f} of {here:.1f}/s by two here"
 
 
-def dask() -> None:
+def dask() -> str:
     from lichen_batch.cluster import DaskEngine
     from lichen_batch.hands import Limits
     from lichen_batch.item import Item
@@ -238,7 +200,7 @@ def dask() -> None:
                 each.result()
             began = time.monotonic()
             waiting, outcomes = [], []
-            for item in items(300):
+            for item in items(8 if quick() else 80):
                 waiting.append(engine.submit(item))
                 if len(waiting) >= engine.capacity:
                     outcomes.append(waiting.pop(0).result())
@@ -247,18 +209,18 @@ def dask() -> None:
         finally:
             engine.end()
         work = sum(sum(value for stage, value in each.seconds.items() if "." not in stage) for each in outcomes)
-        print(
-            f"Dask, two workers: {len(outcomes)} items of {work / len(outcomes) * 1e3:.0f} ms in {took:.2f} s; "
+        return (
+            f"{len(outcomes)} items of {work / len(outcomes) * 1e3:.0f} ms in {took:.2f} s; "
             f"{took / (work / 2) - 1:.1%} beside the work itself"
         )
 
 
-def tiles() -> None:
+def tiles() -> str:
     import zarr
 
     with tempfile.TemporaryDirectory() as name:
         source = f"{name}/in.zarr"
-        side = int(os.environ.get("LICHEN_SIDE", "12288"))
+        side = SIDE
         array = zarr.create_array(source, shape=(side, side, 1), chunks=(1024, 1024, 1), dtype="float32")
         chance = np.random.default_rng(3)
         for top in range(0, side, 1024):
@@ -267,18 +229,29 @@ def tiles() -> None:
         command = [sys.executable, "-m", "lichen_cli", "batch", "tiles", source, f"{name}/out.zarr", *soft]
         account = json.loads(subprocess.check_output(command, stderr=subprocess.DEVNULL).splitlines()[-1])
         share = account["peak_bytes"] / (1 << 30)
-        print(
-            f"tiles: {side} x {side} float32 ({side * side * 4 / 2**30:.2f} GiB) in {account['seconds']:.1f} s, "
+        return (
+            f"{side} x {side} float32 ({side * side * 4 / 2**30:.2f} GiB) in {account['seconds']:.1f} s, "
             f"tiles of {account['tile']}, peak {share:.0%} of the 1 GiB it may hold"
         )
 
 
-def main(names: list[str]) -> None:
-    parts: tuple[Callable[[], None], ...] = (imports, client, machine, batch, loopback, dask, tiles)
-    for part in parts:
-        if not names or part.__name__ in names:
-            part()
+FIGURES: dict[str, Callable[[], str]] = {
+    "import lichen_client": imports,
+    "an array of 1 MB there and back": client,
+    "photos without a batch, a thread each": machine,
+    f"{PHOTOS} photos in a batch, a thread each": batch,
+    f"{PHOTOS} photos over loopback": loopback,
+    "a Dask cluster of two workers": dask,
+    "tiles": tiles,
+}
 
 
-if __name__ == "__main__":
-    main(sys.argv[1:])
+def sections(tell: Callable[[str], None]) -> list[Section]:
+    rows = []
+    for name, work in FIGURES.items():
+        try:
+            rows.append([name, work()])
+        except Exception as failure:  # the others are worth having
+            rows.append([name, f"not measured: {failure}".splitlines()[0]])
+        tell(": ".join(rows[-1]))
+    return [table("", ["way in", ""], rows)]

@@ -1,42 +1,41 @@
 """Effects of scenes one by one, and what leaving lamps out of tiles is worth.
 
 Frames of 640 x 480 (1280 x 1024 where it says so) by the methods of one operation on a device, kernels and everything
-that they need for a frame, without decoding and encoding; the seeds' figures are of an SGI workstation of 1998. Whole
-scenes are rendered from buffers, pruned and with everything run in turn.
-
-Run: python tests/benchmarks/bench_scenes.py
+that they need for a frame, without decoding and encoding. The frame rates beside them are those that papers and
+courses of 1998 and 1999 state for an SGI workstation. Whole scenes are rendered from buffers, pruned and with
+everything run, in turn.
 """
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
+from measuring import Copies, Turns, available
+from sections import Section, bars, table
 
 import lichen
 from lichen.image import Image, Space
 from lichen.memory import aligned
 from lichen.opencl.device import default_device
 
+TITLE = "Scenes"
 CAMERA: dict[str, Any] = {"eye": [0, 3, 7], "target": [0, 0, -1], "fov": 45}
 OBJECTS = [
     {"shape": "plane"},
     {"shape": "sphere", "centre": [0, 0.8, 0], "radius": 0.8, "albedo": [0.7, 0.2, 0.1]},
     {"shape": "box", "centre": [1.7, 0.4, -1], "size": [0.8, 0.8, 0.8], "turn": 20},
 ]
-ROUNDS = 40
-AIMS = {
-    "Euclidean fog": (1500, 15),
-    "layered fog": (1000, 12),
-    "shadow, 1 texel": (600, 15),
-    "shadow, 16 texels": (150, None),
-    "Torrance-Sparrow": (300, 20),
-    "mirror, Fresnel, diffuse, 1280x1024": (60, 20),
-    "normal-mapped environment": (600, None),
+THEN = {
+    "Euclidean fog": 15,
+    "layered fog": 12,
+    "shadow, 1 texel": 15,
+    "Torrance-Sparrow": 20,
+    "mirror, Fresnel, diffuse, 1280x1024": 20,
 }
+"""Frames a second, then."""
 
 
 def buffers(width: int, height: int, *names: str) -> dict[str, Image]:
@@ -118,33 +117,29 @@ def scenes() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     }
 
 
-def main() -> None:
-    chosen = sys.argv[1:]
-    print("| effect | seeds, fps | aim, fps | here, fps | ms |\n|---|---|---|---|---|")
-    if not chosen or "frames" in chosen:
-        for name, work in frames().items():
-            work()
-            taken = []
-            for _ in range(ROUNDS):
-                began = time.perf_counter()
-                work()
-                taken.append(time.perf_counter() - began)
-            median = float(np.median(taken))
-            aim, seed = AIMS[name]
-            print(f"| {name} | {seed or '-'} | {aim} | {1 / median:.0f} | {median * 1e3:.2f} |", flush=True)
+def sections(tell: Callable[[str], None]) -> list[Section]:
+    turns = Turns(Copies(len(available())), rounds=15, longest=2.5)
+    rows = []
+    for name, work in frames().items():
+        taken = turns({name: work})[name]
+        rows.append([name, THEN.get(name, ""), f"{1 / taken.median:.0f}", f"{taken.median * 1e3:.2f}"])
+        tell(f"{name}: {rows[-1][-1]} ms")
+    found = [table("Effects", ["effect", "then, frames a second", "here, frames a second", "ms"], rows)]
     images = buffers(640, 480, "position", "normal", "albedo")
+    both: dict[str, dict[str, float]] = {}
+    rows = []
     for name, (scene, wishes) in scenes().items():
-        taken: dict[bool, list[float]] = {True: [], False: []}
-        for turn in range(13):
-            for prune in taken:
-                result = lichen.render(scene, images=images, prune=prune, **wishes)
-                if turn:
-                    taken[prune].append(result.timing["kernel"] + result.timing.get("findings", 0.0))
-                if prune:
-                    left = [each.reason for each in result.decisions if each.pass_ == "tiles"]
-        pruned, whole = (float(np.median(taken[prune])) for prune in (True, False))
-        print(f"{name}: {whole / pruned:.2f}x, {pruned * 1e3:.2f} ms pruned, {whole * 1e3:.2f} ms whole; {left}")
-
-
-if __name__ == "__main__":
-    main()
+        runs = {
+            said: partial(lichen.render, scene, images=images, prune=prune, **wishes)
+            for said, prune in (("pruned", True), ("everything", False))
+        }
+        taken = {said: each.median * 1e3 for said, each in turns(runs).items()}
+        left = [each.reason for each in runs["pruned"]().decisions if each.pass_ == "tiles"]
+        gain = f"{taken['everything'] / taken['pruned']:.2f}"
+        rows.append([name, f"{taken['pruned']:.1f}", f"{taken['everything']:.1f}", gain, "; ".join(left)])
+        both |= {f"{name}, {said}": {"render": ms} for said, ms in taken.items()}
+        tell(f"{name}: {gain} times")
+    head = ["scene, 640 x 480", "pruned, ms", "everything, ms", "times", "what tiles leave out"]
+    found.append(table("Whole scenes", head, rows))
+    found.append(bars("scenes", "Whole scenes", "ms", ["render"], both))
+    return found

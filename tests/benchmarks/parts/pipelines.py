@@ -1,26 +1,27 @@
-"""Pipelines: what planning costs, and what fusing, pruning and regions save.
+"""What planning costs, and what fusing, pruning and regions save.
 
-    .venv/bin/python tests/benchmarks/bench_pipelines.py [memory] [part] [layers] [invisible] [planning] [chain]
-
-The chain decode, matrix, exposure, saturation, curve, encode on RGB: one kernel, its nodes one after the other, and the
-same in NumPy and OpenCV, with the largest difference of each from truth. Runs are interleaved; medians and minima of
-wall time. Planning is timed by the processor time of its thread, so that a busy machine does not show.
+The chain decode, matrix, exposure, saturation, curve, encode on RGB runs as one kernel, its nodes one after the other,
+and as one writes the same with NumPy, OpenCV and OpenImageIO. Planning is timed by the processor time of its thread.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import resource
-import statistics
+import subprocess
 import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import OpenImageIO as oiio
+from measuring import Copies, Figure, Turns, available, quick
+from sections import Section, bars, table
 
 import lichen
 from lichen.accuracy import times
@@ -33,6 +34,7 @@ from lichen.order import BACKENDS, read_pipeline_order
 from lichen.planning.graph import Graph
 from lichen.planning.plan import make_plan
 
+TITLE = "Pipelines"
 MATRIX = np.array([[0.8, 0.15, 0.05], [0.1, 0.8, 0.1], [0.05, 0.15, 0.8]])
 POINTS = [[0, 0], [0.3, 0.2], [0.7, 0.8], [1, 1]]
 GREY = np.array([0.2126390, 0.7151687, 0.0721923])
@@ -100,19 +102,13 @@ def embedded(matrix: np.ndarray) -> np.ndarray:
     return made
 
 
-def interleaved(runs: dict[str, Callable[[], Any]], rounds: int) -> dict[str, list[float]]:
-    took: dict[str, list[float]] = {name: [] for name in runs}
-    for _ in range(rounds + 1):
-        for name, run in runs.items():
-            began = time.perf_counter()
-            run()
-            took[name].append((time.perf_counter() - began) * 1e3)
-    return {name: each[1:] for name, each in took.items()}
+def timed(runs: dict[str, Callable[[], Any]], rounds: int = 9) -> dict[str, Figure]:
+    return Turns(Copies(len(available())), rounds, longest=12.0)(runs)
 
 
-def chain(size: int, rounds: int) -> None:
+def chain(size: int) -> list[Section]:
     pixels = aligned(np.random.default_rng(1).random((size, size, 3), dtype=np.float32))
-    image, table = Image(pixels, Space.SRGB), knots()
+    image, bent = Image(pixels, Space.SRGB), knots()
     assert image.extent.high <= 1
     wish: dict[str, Any] = {"max_error": 1e-3, "device": "opencl"}
     fused = prepare_pipeline(CHAIN, image, **wish)
@@ -122,29 +118,42 @@ def chain(size: int, rounds: int) -> None:
     runs: dict[str, Callable[[], Any]] = {
         "one kernel": fused.run,
         "one after the other": alone.run,
-        "OpenCV": partial(by_opencv, pixels, table),
-        "NumPy": partial(by_numpy, pixels, table),
+        "OpenCV": partial(by_opencv, pixels, bent),
+        "NumPy": partial(by_numpy, pixels, bent),
         "OpenImageIO": partial(by_oiio, oiio.ImageBuf(pixels)),
         "copying": partial(np.copyto, copy, pixels),
     }
-    took = interleaved(runs, rounds)
+    took = timed(runs)
     small = Image(np.ascontiguousarray(pixels[:128, :128]), Space.SRGB)
     truth = exact(prepare_pipeline(CHAIN, small, **wish).plan.graph, {"input.image": small})
     found = {
         "one kernel": lichen.run_pipeline(CHAIN, small, **wish)["result"].image.pixels,
         "one after the other": lichen.run_pipeline(CHAIN, small, **wish, prune=False)["result"].image.pixels,
-        "OpenCV": by_opencv(small.pixels, table),
-        "NumPy": by_numpy(small.pixels, table),
+        "OpenCV": by_opencv(small.pixels, bent),
+        "NumPy": by_numpy(small.pixels, bent),
     }
-    print(f"\n### {size} x {size} x 3: decode, matrix, exposure, saturation, curve, encode\n")
-    print("| by | median ms | least ms | largest error |\n|---|---:|---:|---:|")
-    for name, each in took.items():
-        error = f"{np.max(np.abs(found[name] - truth)):.2g}" if name in found else ""
-        print(f"| {name} | {statistics.median(each):.1f} | {min(each):.1f} | {error} |")
-    print(f"\npredicted: {fused.plan.seconds * 1e3:.1f} ms in one kernel, {alone.plan.seconds * 1e3:.1f} ms apart")
+    rows = [
+        [
+            name,
+            f"{each.median * 1e3:.1f}",
+            f"{each.low * 1e3:.1f} to {each.high * 1e3:.1f}",
+            f"{np.max(np.abs(found[name] - truth)):.1e}" if name in found else "",
+        ]
+        for name, each in took.items()
+    ]
+    title = f"Decode, matrix, exposure, saturation, curve, encode; {size} x {size} RGB"
+    text = (
+        f"Predicted: {fused.plan.seconds * 1e3:.1f} ms in one kernel, {alone.plan.seconds * 1e3:.1f} ms one after the "
+        "other. OpenImageIO has no call for the curve, which it is spared."
+    )
+    shown = {name: {"run": each.median * 1e3} for name, each in took.items()}
+    return [
+        table(title, ["by", "ms", "middle half", "largest error"], rows, text),
+        bars("chain", title, "ms", ["run"], shown),
+    ]
 
 
-def planning(nodes: int) -> None:
+def planning(nodes: int) -> Section:
     steps = [
         (f"gaussian:sigma={1 + i % 5}", f"levels:black=0.0{i % 9},white=0.9", f"saturation:amount=1.{1 + i % 8}")[i % 3]
         for i in range(nodes)
@@ -160,14 +169,28 @@ def planning(nodes: int) -> None:
         make_plan(Graph(facts, order.nodes, order.outputs), request)
         return (time.thread_time() - began) * 1e3
 
-    print(f"\n### planning a graph of {nodes} nodes\n")
+    rows = []
     for backend in BACKENDS:
         first = planned(backend)
         took = [planned(backend) for _ in range(20)]
-        print(f"{backend}: {min(took):.1f} ms, {first:.1f} ms when nothing is known yet")
+        rows.append([backend, f"{min(took):.1f}", f"{first:.1f}"])
+    return table(f"Planning a graph of {nodes} nodes", ["backend", "ms", "ms when nothing is known yet"], rows)
 
 
-def memory(size: int, nodes: int) -> None:
+def memory(size: int, nodes: int) -> Section:
+    """In a process of its own, whose peak is not that of what ran before."""
+    code = f"import json; from parts.pipelines import grown; print(json.dumps(grown({size}, {nodes})))"
+    command, folder = [sys.executable, "-c", code], Path(__file__).resolve().parents[1]
+    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True, cwd=folder).stdout)
+    text = (
+        f"{nodes} nodes on {size} x {size} RGBA: {found['foreseen']:.2f} pictures foreseen with the source; the "
+        f"process grew by {found['grown']:.2f} beside it; {found['seconds']:.1f} s."
+    )
+    return table("Memory", [], [], text)
+
+
+def grown(size: int, nodes: int) -> dict[str, float]:
+    """Memory in pictures, and the time it took."""
     image = Image(np.zeros((size, size, 4), np.float32))
     vars(image)["extent"] = Extent(0.0, 1.0, 0)
     text = "|".join(("box:width=3,height=3", f"levels:black=0.0{i % 9 + 1}")[i % 2] for i in range(nodes))
@@ -176,13 +199,11 @@ def memory(size: int, nodes: int) -> None:
     began = time.perf_counter()
     plan = lichen.run_pipeline(text, image, max_error=1e-3)["result"].plan
     took = time.perf_counter() - began
-    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / image.pixels.nbytes
-    foreseen = plan.peak_bytes / image.pixels.nbytes
-    print(f"\n### {nodes} nodes on {size} x {size} x 4: memory in pictures\n")
-    print(f"foreseen {foreseen:.2f} with the source; the process grew by {grown:.2f} beside it; {took:.2f} s")
+    more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / image.pixels.nbytes
+    return {"foreseen": plan.peak_bytes / image.pixels.nbytes, "grown": more, "seconds": took}
 
 
-def part(size: int, side: int, rounds: int) -> None:
+def part(size: int, side: int) -> Section:
     """A small part of a blur of a warp, whole pictures beside: what it costs from the plan to the pixels."""
     image = Image(aligned(np.random.default_rng(1).random((size, size, 3), dtype=np.float32)), Space.LINEAR)
     assert image.extent.high <= 1
@@ -199,17 +220,16 @@ def part(size: int, side: int, rounds: int) -> None:
     def run(prune: bool) -> None:
         prepare_pipeline(said, image, prune=prune).run()
 
-    print(f"\n### {side} x {side} of a blur (sigma 8) of a homography of {size} x {size} x 3\n")
-    took = interleaved({"part": partial(run, True)}, rounds)["part"]
+    took = timed({"part": partial(run, True)}, 7)["part"].median * 1e3
     run(False)
     began = time.perf_counter()
     run(False)
     whole = (time.perf_counter() - began) * 1e3
-    least = statistics.median(took)
-    print(f"{least:.2f} ms, {whole:.1f} ms whole: {whole / least:.0f} times")
+    text = f"{took:.2f} ms, {whole:.0f} ms when all is computed: {whole / took:.0f} times."
+    return table(f"{side} x {side} of a blur (sigma 8) of a homography of {size} x {size} RGB", [], [], text)
 
 
-def layers(size: int, rounds: int) -> None:
+def layers(size: int) -> Section:
     """Ten layers, the last of which is opaque over half of the picture: only the others' other half is seen."""
     rng = np.random.default_rng(1)
     images = {}
@@ -233,12 +253,12 @@ def layers(size: int, rounds: int) -> None:
         name: prepare_pipeline(said, images=images, prune=prune).run
         for name, prune in (("pruned", True), ("all", False))
     }
-    times = {name: statistics.median(each) for name, each in interleaved(runs, rounds).items()}
-    print(f"\n### ten layers of {size} x {size} x 4, the top one opaque over half\n")
-    print(f"{times['pruned']:.1f} ms, {times['all']:.1f} ms unpruned: {times['all'] / times['pruned']:.2f} times")
+    took = {name: each.median * 1e3 for name, each in timed(runs, 7).items()}
+    text = f"{took['pruned']:.1f} ms, {took['all']:.1f} ms unpruned: {took['all'] / took['pruned']:.2f} times."
+    return table(f"Ten layers of {size} x {size} RGBA, the top one opaque over half", [], [], text)
 
 
-def invisible(size: int, rounds: int) -> None:
+def invisible(size: int) -> Section:
     """A pipeline and a scene of which nothing can be seen: the picture is handed on, against a copy of it."""
     rng = np.random.default_rng(1)
     image = Image(aligned(rng.random((size, size, 3), dtype=np.float32)), Space.LINEAR)
@@ -259,27 +279,29 @@ def invisible(size: int, rounds: int) -> None:
         "a scene": rendered.run,
         "copying": partial(np.copyto, copy, image.pixels),
     }
-    took = {name: min(each) for name, each in interleaved(runs, rounds).items()}
-    print(f"\n### what cannot be seen, on {size} x {size} x 3: copying takes {took.pop('copying'):.2f} ms\n")
-    for (name, each), prepared in zip(took.items(), (pipeline, rendered), strict=True):
-        print(f"{name}: {each:.3f} ms, {len(prepared.plan.nodes)} nodes are left")
+    took = {name: each.median * 1e3 for name, each in timed(runs, 25).items()}
+    plans = {"five effects": pipeline.plan, "a scene": rendered.plan}
+    rows = [
+        [name, f"{each:.3f}", f"{len(plans[name].nodes)} nodes are left" if name in plans else ""]
+        for name, each in took.items()
+    ]
+    return table(f"What cannot be seen, on {size} x {size} RGB", ["", "ms", ""], rows)
 
 
-def main() -> None:
-    chosen = sys.argv[1:] or list(FIGURES)
-    for name in chosen:
-        FIGURES[name]()
+def sections(tell: Callable[[str], None]) -> list[Section]:
+    found: list[Section] = []
+    for name, work in FIGURES.items():
+        made = work()
+        found += made if isinstance(made, list) else [made]
+        tell(f"{name}: {found[-1]['text'] or found[-1]['title']}")
+    return found
 
 
-FIGURES: dict[str, Callable[[], None]] = {
-    "memory": lambda: memory(8192, 12),
-    "part": lambda: part(8192, 256, 7),
-    "layers": lambda: layers(2048, 7),
-    "invisible": lambda: invisible(2048, 25),
+FIGURES: dict[str, Callable[[], Any]] = {
+    "chain": lambda: chain(512 if quick() else 2048),
     "planning": lambda: planning(100),
-    "chain": lambda: chain(2048, 9),
+    "part": lambda: part(1024 if quick() else 8192, 256),
+    "layers": lambda: layers(512 if quick() else 2048),
+    "invisible": lambda: invisible(512 if quick() else 2048),
+    "memory": lambda: memory(1024 if quick() else 8192, 12),
 }
-
-
-if __name__ == "__main__":
-    main()

@@ -1,31 +1,21 @@
 """How well plans foretell: errors against what is stated, times against what is predicted, choices against the best.
 
-Operations are calibrated before they are first asked for, quickly, as a service does at its first start. Each a part by
-itself:
-
-* times, errors: random requests: any operation, random parameters, sides of 128 to 1536 px, an error asked for or not.
-  Time is that of the kernels at that size, on a machine that does nothing else; error is taken on the same picture made
-  small enough for truth to be quick;
-* choosing: the time it takes, for parameters met before and for new ones;
-* gaussian at many widths and errors: what is chosen beside the quickest way to compute it that meets the error.
-
-Run: python tests/benchmarks/bench_prediction.py [PART ...] [--count N] [--folder FOLDER] [--seconds S]
-
-In a FOLDER what was found is kept, and the next call goes on behind it; none begins anything after S seconds. So parts
-can be measured in pieces, whenever the machine is at rest. Tables show what is known so far.
+Operations are calibrated before they are first asked for, quickly, as a service does at its first start. Random
+requests ask for any operation with random parameters, sides of 128 to 1536 px, an error or none. Time is that of the
+kernels at that size; error is taken on the same picture made small enough for the definition to be quick. The blur
+that is chosen stands beside the quickest way to compute it that meets the error. `LICHEN_PATIENCE=10` gives ten times
+the time, for as many requests more.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import os
 import statistics
-import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -33,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from interleaved import medians
+from measuring import Copies, Turns, available, quick
+from sections import Section, table
 
 import lichen
 from lichen.accuracy import times
@@ -49,6 +40,11 @@ from lichen.planning.choose import choose
 from lichen.planning.graph import TRUTH, Graph, Node, Request
 from lichen.planning.light import light
 
+TITLE = "Prediction"
+COUNT = 200
+"""Of random requests, as far as time allows."""
+PATIENCE = 1.0 if quick() else 25.0 * float(os.environ.get("LICHEN_PATIENCE", "1"))
+"""Seconds after which random requests of either kind, and blurs, begin nothing further."""
 LONGEST = 1.5
 """Predicted seconds of one run at most; longer ones are drawn again."""
 AFFORDABLE = 0.4
@@ -183,45 +179,45 @@ def compared(asked: Asked, number: int) -> list[dict[str, Any]]:
         if outcome := errors(asked, content):
             stated, found, kind = outcome
             rows.append({"stated": stated, "found": found, "kind": kind})
-            if found > stated:
-                print(f"exceeded: {asked}: {found:.3g} beyond {stated:.3g} ({kind})", file=sys.stderr)
     return rows
 
 
-def table_of_times(rows: list[dict[str, Any]]) -> None:
+def table_of_times(rows: list[dict[str, Any]]) -> Section:
     ratios: dict[str, list[float]] = {}
     for row in rows:
         name = f"{row['operation']}, {row['device']}, {row['method'].partition(';')[0]}"
         ratios.setdefault(name, []).append(row["predicted"] / row["measured"])
-    print(f"### Times of {len(rows)} random requests\n")
-    print("| operation, device, method | requests | within 1.5 | predicted / measured |\n|---|---:|---:|---:|")
     every = [ratio for each in ratios.values() for ratio in each]
-    for name, each in [*sorted(ratios.items()), ("all", every)]:
+    told = []
+    for name, each in [("all", every), *sorted(ratios.items())]:
         if each:
             within = sum(1 / 1.5 <= ratio <= 1.5 for ratio in each)
-            print(f"| {name} | {len(each)} | {within / len(each):.0%} | {statistics.median(each):.2f} |")
+            told.append([name, len(each), f"{within / len(each):.0%}", f"{statistics.median(each):.2f}"])
+    head = ["operation, device, method", "requests", "within 1.5 times", "predicted / measured, median"]
+    return table(f"Times of {len(rows)} random requests", head, told)
 
 
-def table_of_errors(rows: list[dict[str, Any]]) -> None:
-    print("\n### Errors of random requests\n")
+def table_of_errors(rows: list[dict[str, Any]]) -> Section:
+    told = []
     for kind in ("bound", "estimate"):
         own = [row for row in rows if row.get("kind") == kind]
         held = sum(row["found"] <= row["stated"] for row in own)
-        print(f"measured error <= stated {kind}: {held} of {len(own)}\n")
+        broken = ", ".join(sorted({row["operation"] for row in own if row["found"] > row["stated"]}))
+        told.append([kind, len(own), held, broken])
+    return table("Errors of random requests", ["stated as", "pictures", "held", "broken by"], told)
 
 
-def choosing() -> None:
+def choosing() -> Section:
     """Microseconds of `choose` alone."""
     rng = np.random.default_rng(1)
-    print("\n### Choosing, microseconds\n")
-    print("| operation | parameters met before | new parameters |\n|---|---:|---:|")
+    told = []
     for chosen in operations().values():
         parameters = chosen.validate(chosen.examples[0])
         facts = typical(chosen, parameters, 64).facts
         rows = []
         for varied in (False, True):
             taken = []
-            for _ in range(60):
+            for _ in range(20):
                 values = dict(chosen.examples[0])
                 for name, value in values.items():
                     if varied and isinstance(value, float):
@@ -236,38 +232,39 @@ def choosing() -> None:
                 choose(graph, request)
                 taken.append(time.perf_counter() - began)
             rows.append(statistics.median(taken) * 1e6)
-        print(f"| {chosen.name} | {rows[0]:.0f} | {rows[1]:.0f} |")
+        told.append([chosen.name, f"{rows[0]:.0f}", f"{rows[1]:.0f}"])
+    told.sort(key=lambda each: -int(each[1]))
+    known = [statistics.median(int(each[column]) for each in told) for column in (1, 2)]
+    text = (
+        f"Microseconds that the choice of a method takes: {known[0]:.0f} for parameters met before and {known[1]:.0f} "
+        "for new ones in the median operation; these take the longest."
+    )
+    return table("Choosing", ["operation", "parameters met before, us", "new parameters, us"], told[:12], text)
 
 
-def best(path: Path, until: float, size: int = 512) -> None:
+def best(until: float, size: int = 512) -> Section:
     """The blur that is chosen beside the quickest setting that meets the error."""
     calibrated(operation("gaussian"), backends()[0])
     image = as_image(np.tile(picture("photo", 256), (size // 256, size // 256, 1)))
-    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    known = {(row["sigma"], row["error"]) for row in rows}
-    for sigma, asked in [each for each in product(SIGMAS, BLUR_ERRORS) if each not in known]:
+    turns, told, ratios = Turns(Copies(len(available())), rounds=5, longest=1.5), [], []
+    for sigma, asked in product(SIGMAS, BLUR_ERRORS):
         if time.perf_counter() > until:
             break
-        contestants = _contestants(image, sigma, asked)
-        took = medians([partial(_blurred, setting, image, sigma) for setting in contestants], 9) if contestants else []
-        names = [f"{setting.method.name} {setting.knob:g}" for setting in contestants]
-        rows.append({"sigma": sigma, "error": asked, "took": dict(zip(names, took, strict=True))})
-        with path.open("a") as file:
-            file.write(json.dumps(rows[-1]) + "\n")
-    print(f"\n### gaussian, {size} x {size} x 3, {backends()[0]}: chosen beside the quickest\n")
-    print("| sigma | error | chosen | ms | quickest | ms | chosen / quickest |\n|---:|---:|---|---:|---|---:|---:|")
-    ratios = []
-    for row in rows:
-        if not row["took"]:
-            print(f"| {row['sigma']:g} | {row['error']:g} | none can promise it | | | | |")
+        runs = {
+            f"{setting.method.name} {setting.knob:g}": partial(_blurred, setting, image, sigma)
+            for setting in _contestants(image, sigma, asked)
+        }
+        if not runs:
+            told.append([f"{sigma:g}", f"{asked:g}", "none can promise it", "", "", "", ""])
             continue
-        chosen, quickest = next(iter(row["took"])), min(row["took"], key=row["took"].__getitem__)
-        ratios.append(row["took"][chosen] / row["took"][quickest])
-        print(
-            f"| {row['sigma']:g} | {row['error']:g} | {chosen} | {row['took'][chosen]:.2f} | {quickest} "
-            f"| {row['took'][quickest]:.2f} | {ratios[-1]:.2f} |"
-        )
-    print(f"\nnever slower than {max(ratios, default=math.nan):.2f} times the quickest")
+        took = {name: each.median * 1e3 for name, each in turns(runs).items()}
+        chosen, quickest = next(iter(took)), min(took, key=took.__getitem__)
+        ratios.append(took[chosen] / took[quickest])
+        fastest = f"{took[quickest]:.2f}"
+        told.append([f"{sigma:g}", f"{asked:g}", chosen, f"{took[chosen]:.2f}", quickest, fastest, f"{ratios[-1]:.2f}"])
+    title = f"gaussian, {size} x {size} RGB, {backends()[0]}: chosen beside the quickest"
+    text = f"Never slower than {max(ratios, default=math.nan):.2f} times the quickest."
+    return table(title, ["sigma", "error", "chosen", "ms", "quickest", "ms", "chosen / quickest"], told, text)
 
 
 def _contestants(image: Image, sigma: float, asked: float) -> list[Setting]:
@@ -296,37 +293,16 @@ def _blurred(setting: Setting, image: Image, sigma: float) -> object:
     return setting.compute(backends()[0], {"image": image}, parameters)
 
 
-PARTS = ("times", "errors", "choosing", "gaussian")
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description="How well plans foretell errors and times.")
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all")
-    parser.add_argument("--count", type=int, default=200, help="of random requests")
-    parser.add_argument("--folder", type=Path, help="where what was found is kept for the next call")
-    parser.add_argument("--seconds", type=float, default=math.inf, help="after which nothing further is begun")
-    given = parser.parse_args()
-    if unknown := set(given.parts) - set(PARTS):
-        parser.error(f"no part is called {', '.join(unknown)}")
-    with tempfile.TemporaryDirectory(prefix="lichen-") as spare:
-        run(given.parts or PARTS, given.folder or Path(spare), given.count, time.perf_counter() + given.seconds)
-
-
-def run(parts: Sequence[str], folder: Path, count: int, until: float) -> None:
-    os.environ["LICHEN_TIMES"] = str(folder / "times")
-    folder.mkdir(parents=True, exist_ok=True)
-    took, found = Kept(folder / "times.jsonl"), Kept(folder / "errors.jsonl")
-    if "times" in parts:
-        took.fill(count, until, timed)
-        table_of_times(took.rows)
-    if "errors" in parts:
-        found.fill(count, until, compared)
-        table_of_errors(found.rows)
-    if "choosing" in parts:
-        choosing()
-    if "gaussian" in parts:
-        best(folder / "gaussian.jsonl", until)
-
-
-if __name__ == "__main__":
-    main()
+def sections(tell: Callable[[str], None]) -> list[Section]:
+    """In a folder of its own, so that the machine's rates stay what they are."""
+    with tempfile.TemporaryDirectory(prefix="lichen-") as name:
+        folder = Path(name)
+        os.environ["LICHEN_TIMES"] = str(folder / "times")
+        took, found = Kept(folder / "times.jsonl"), Kept(folder / "errors.jsonl")
+        took.fill(COUNT, time.perf_counter() + PATIENCE, timed)
+        tell(f"{len(took.rows)} times")
+        found.fill(COUNT, time.perf_counter() + PATIENCE, compared)
+        tell(f"{len(found.rows)} errors")
+        made = [table_of_times(took.rows), table_of_errors(found.rows), choosing()]
+        tell("gaussian")
+        return [*made, best(time.perf_counter() + PATIENCE)]

@@ -1,0 +1,67 @@
+"""A plan that was made before is taken again, and only where it is the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lichen
+from lichen.accuracy import times
+from lichen.errors import InvalidRequest
+from lichen.image import Image
+from lichen.memory import aligned_empty
+from lichen.planning import remember
+
+
+def picture(value: float = 0.5) -> Image:
+    pixels = aligned_empty((5, 7, 3))
+    pixels[...] = value
+    return Image(pixels)
+
+
+def plan(image: Image, **values: object) -> lichen.Plan:
+    return lichen.explain("levels", image, device="numpy", **values)
+
+
+def test_the_same_request_has_the_same_plan_whatever_the_pixels() -> None:
+    assert plan(picture(), black=0.1) is plan(picture(), black=0.1)
+
+
+@pytest.mark.parametrize("changed", [{"black": -0.0}, {"black": 0.1}, {"max_error": 0.1}, {"storage": "uint8"}])
+def test_another_request_has_another_plan(changed: dict[str, object]) -> None:
+    usual = {"black": 0.0, "white": 0.7}
+    found = plan(picture(), **{**usual, **changed})
+    assert found is not plan(picture(), **usual)
+    assert found is plan(picture(), **{**usual, **changed})
+
+
+def test_zeros_of_both_signs_keep_their_signs() -> None:
+    for black in (0.0, -0.0, 0.0):
+        (node,) = plan(picture(), black=black, white=0.6).nodes
+        assert np.signbit(node.parameters.black) == np.signbit(black)
+
+
+def test_other_facts_have_another_plan() -> None:
+    assert plan(picture(), gamma=1.5) is not plan(picture(2.0), gamma=1.5)
+
+
+def test_rates_measured_since_make_a_new_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = plan(picture(), gamma=1.7)
+    monkeypatch.setattr(times, "current", lambda backend: {})
+    after = plan(picture(), gamma=1.7)
+    assert after is not before
+    assert after.request.rates == {}
+
+
+def test_what_is_refused_is_refused_again() -> None:
+    for _ in range(2):
+        with pytest.raises(InvalidRequest, match="fog"):
+            lichen.run("fog", picture(), depth=np.ones((4, 4)), device="numpy")
+
+
+def test_no_more_than_some_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(remember, "KEPT", 2)
+    first = plan(picture(), black=0.31)
+    for black in (0.32, 0.33):
+        plan(picture(), black=black)
+    assert plan(picture(), black=0.31) is not first

@@ -1,0 +1,205 @@
+"""What the service does under more load than it can bear.
+
+    python tests/service/overload.py [seconds] [rounds]
+
+An open loop offers 1, 2, 5 and 10 times what four clients that wait for their answers get through, without waiting
+itself, and counts what came back, how soon refusals did, and how /livez fared meanwhile. The service has one processor
+for itself, and its clients have another: what they do is not taken from it. What was done is told for each second that
+the service was on its processor, which others may have used as well, and loads are compared within a round, since a
+machine that is shared is not as fast at one time as at another.
+"""
+
+from __future__ import annotations
+
+import http.client
+import json
+import math
+import os
+import random
+import selectors
+import socket
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from subprocess import PIPE
+
+from load import share
+from soak import served
+
+REQUEST = b"GET /v1/operations/white_noise?width=640&height=640&format=png&seed=%d HTTP/1.1\r\nHost: a\r\n\r\n"
+CONNECTIONS = 256
+
+
+@dataclass
+class Awaited:
+    """A connection, and what it waits for."""
+
+    sock: socket.socket
+    begun: float = 0.0
+    good: bool = False
+    missing: int = 0
+    """bytes of the answer; 0 before its head has come"""
+
+
+class Crowd:
+    """Many clients in one thread, as cheap as they can be: requests are made of one template, an answer is told by its
+    first bytes and counted, and never kept."""
+
+    def __init__(self, port: int, connections: int) -> None:
+        self._selector, self._port = selectors.EpollSelector(), port
+        self._first, self.sent = random.getrandbits(31), 0
+        self._scratch = memoryview(bytearray(1 << 20))
+        self.free = [self._connected() for _ in range(connections)]
+        self.good: list[float] = []
+        self.refused: list[float] = []
+
+    def _connected(self) -> Awaited:
+        awaited = Awaited(socket.create_connection(("127.0.0.1", self._port)))
+        awaited.sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._selector.register(awaited.sock, selectors.EVENT_READ, awaited)
+        return awaited
+
+    def ask(self) -> None:
+        awaited = self.free.pop()
+        self.sent += 1
+        awaited.begun, awaited.missing = time.monotonic(), 0
+        awaited.sock.sendall(REQUEST % (self._first + self.sent))
+
+    def listen(self, seconds: float) -> None:
+        for key, _ in self._selector.select(seconds):
+            awaited: Awaited = key.data
+            count = awaited.sock.recv_into(self._scratch)
+            if not count:
+                raise ConnectionError("the service closed a connection that it had not said it would")
+            closing = False
+            if not awaited.missing:
+                head = bytes(self._scratch[: min(count, 2048)]).partition(b"\r\n\r\n")[0]
+                awaited.good = head.startswith(b"HTTP/1.1 200")
+                if not awaited.good and not head.startswith(b"HTTP/1.1 503"):
+                    raise RuntimeError(head)
+                awaited.missing = len(head) + 4 + int(head.partition(b"Content-Length: ")[2].partition(b"\r")[0])
+                closing = head.endswith(b"Connection: close")
+            awaited.missing -= count
+            if awaited.missing:
+                continue
+            (self.good if awaited.good else self.refused).append(time.monotonic() - awaited.begun)
+            if closing:  # after its thousandth request
+                self._selector.unregister(awaited.sock)
+                awaited.sock.close()
+                awaited = self._connected()
+            self.free.append(awaited)
+
+    def leave(self) -> None:
+        """When all answers have come."""
+        good, refused = list(self.good), list(self.refused)
+        while len(self.free) < len(self._selector.get_map()):
+            self.listen(1.0)
+        self.good, self.refused = good, refused
+        for key in list(self._selector.get_map().values()):
+            key.data.sock.close()
+        self._selector.close()
+
+
+@dataclass
+class Window:
+    """What became of what was offered for a while."""
+
+    seconds: float
+    good: list[float]
+    refused: list[float]
+    unsent: int
+    service: float
+    clients: float
+    """parts of a processor that both took"""
+
+    @property
+    def rate(self) -> float:
+        """Good answers in a second that the service was on its processor."""
+        return len(self.good) / self.seconds / max(self.service, 0.01)
+
+
+def offer(port: int, pid: int, rate: float, seconds: float) -> Window:
+    """What becomes of so many requests a second, sent whether or not those before are answered; with rate 0 of four
+    clients that each wait for their answers."""
+    crowd = Crowd(port, CONNECTIONS if rate else 4)
+    began, due, unsent = time.monotonic(), 0.0, 0
+    spent = processor_seconds(pid), time.process_time()
+    while (now := time.monotonic()) < began + seconds:
+        due = (now - began) * rate if rate else math.inf
+        while crowd.sent + unsent < due and crowd.free:
+            crowd.ask()
+        if rate and not crowd.free:
+            unsent = max(unsent, int(due) - crowd.sent)
+        crowd.listen(0.0005 if rate else 0.1)
+    service, clients = processor_seconds(pid) - spent[0], time.process_time() - spent[1]
+    crowd.leave()
+    return Window(seconds, crowd.good, crowd.refused, unsent, service / seconds, clients / seconds)
+
+
+def probe(port: int, seconds: float) -> list[float]:
+    """How long /livez took, each time."""
+    connection = http.client.HTTPConnection("127.0.0.1", port)
+    ends, times = time.monotonic() + seconds, []
+    while time.monotonic() < ends:
+        began = time.monotonic()
+        connection.request("GET", "/livez")
+        connection.getresponse().read()
+        times.append(time.monotonic() - began)
+        time.sleep(0.01)
+    return times
+
+
+def processor_seconds(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def overload(seconds: float, rounds: int) -> None:
+    own, others = sorted(os.sched_getaffinity(0))[:2]
+    os.sched_setaffinity(0, {others})
+    with served("soak:create", queue=16, cache=0) as (port, pid):
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            os.sched_setaffinity(int(thread.name), {own})
+        offer(port, pid, 0, seconds)
+        windows: dict[float, list[Window]] = {times: [] for times in (0, 1, 2, 5, 10)}
+        waits: dict[float, list[float]] = {times: [] for times in windows}
+        shares: dict[float, list[float]] = {times: [] for times in windows}
+        for _ in range(rounds):
+            most = 0.0
+            for times in windows:
+                alive = subprocess.Popen([sys.executable, __file__, "probe", str(port), str(seconds)], stdout=PIPE)
+                window = offer(port, pid, times * most, seconds)
+                waits[times] += json.loads(alive.communicate()[0])
+                windows[times].append(window)
+                most = most or len(window.good) / seconds
+            best = max(each[-1].rate for each in windows.values())
+            for times, each in windows.items():
+                shares[times].append(each[-1].rate / best)
+        for times, each in windows.items():
+            good, refused = ([took for one in each for took in getattr(one, kind)] for kind in ("good", "refused"))
+            told = f"offered {times}x" if times else "four that wait"
+            print(
+                f"{told}: {statistics.median(one.rate for one in each):.1f} good answers in a second of its processor, "
+                f"{statistics.median(shares[times]):.0%} of the most in a round, p99 {share(good, 0.99):.0f} ms; "
+                f"refused {len(refused) / seconds / rounds:.0f}/s, median {share(refused, 0.5):.1f}, "
+                f"p99 {share(refused, 0.99):.1f} ms; unsent {sum(one.unsent for one in each)}; "
+                f"/livez p99 {share(waits[times], 0.99):.1f} ms; busy "
+                f"{statistics.median(one.service for one in each):.0%}, clients "
+                f"{statistics.median(one.clients for one in each):.0%}",
+                flush=True,
+            )
+
+
+def main(arguments: Sequence[str]) -> None:
+    if arguments[:1] == ["probe"]:
+        print(json.dumps(probe(int(arguments[1]), float(arguments[2]))))
+    else:
+        overload(float(arguments[0]) if arguments else 3.0, int(arguments[1]) if arguments[1:] else 5)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
