@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import shutil
 import threading
 import warnings
@@ -104,10 +105,26 @@ class Device:
         self.programs.build(source, defines or {})
 
 
+def ends_processes(runtime: str) -> str | None:
+    """Why a runtime for processors would end the process while it compiles, as PoCL does where it is at a loss; None
+    where it would not.
+
+    Of LLVM 18, PoCL 6 asks for a check that many kernels fail: "Instruction Combining did not reach a fixpoint".
+    """
+    if "Portable Computing Language" not in runtime:
+        return None
+    if shutil.which("ld") is None:
+        return "there is no linker (ld) on PATH, without which PoCL ends the process"
+    if re.search(r"PoCL 6\.\d.*LLVM 18\.", runtime):
+        return "PoCL 6 with LLVM 18 ends the process while it compiles; PoCL 3 to 5 do not"
+    return None
+
+
 def probe(device: Device) -> str | None:
     """Build and run a kernel; what is wrong with the device, or None."""
-    if device.is_cpu and "Portable Computing Language" in device.runtime and shutil.which("ld") is None:
-        return "there is no linker (ld) on PATH, without which PoCL ends the process"
+    wrong = ends_processes(device.runtime) if device.is_cpu else None
+    if wrong is not None:
+        return wrong
     vectors = 100  # not a whole number of work-groups
     given = aligned_empty((vectors, 16))
     given[...] = np.arange(vectors * 16, dtype=np.float32).reshape(vectors, 16) / 16

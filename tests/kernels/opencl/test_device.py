@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from lichen.opencl import cache
-from lichen.opencl.device import Device
+from lichen.opencl.device import Device, ends_processes
 
 REPORT = """
 import json, logging
@@ -71,6 +71,28 @@ def test_a_missing_linker_is_found_before_it_ends_the_process(device: Device, tm
         assert "no linker" in str(said["reason"])
     else:
         assert said["name"] == device.name
+
+
+@pytest.mark.parametrize(
+    ("runtime", "ends"),
+    [
+        (
+            "Portable Computing Language OpenCL 3.0 PoCL 6.0+debian  Linux, None+Asserts, RELOC, SPIR-V, LLVM 18.1.8",
+            True,
+        ),
+        (
+            "Portable Computing Language OpenCL 3.0 PoCL 6.0+debian  Linux, None+Asserts, RELOC, SPIR-V, LLVM 17.0.6",
+            False,
+        ),
+        (
+            "Portable Computing Language OpenCL 3.0 PoCL 3.1+debian  Linux, None+Asserts, RELOC, SPIR, LLVM 15.0.6",
+            False,
+        ),
+        ("NVIDIA CUDA OpenCL 3.0 CUDA 12.4.131", False),
+    ],
+)
+def test_a_runtime_that_ends_the_process_is_refused(runtime: str, ends: bool) -> None:
+    assert (ends_processes(runtime) is not None) == ends
 
 
 def test_a_trial_that_fails_to_build_gives_its_log(device: Device, tmp_path: Path) -> None:
