@@ -255,7 +255,7 @@ def best(until: float, size: int = 512) -> Section:
             for setting in _contestants(image, sigma, asked)
         }
         if not runs:
-            told.append([f"{sigma:g}", f"{asked:g}", "none can promise it", "", "", "", ""])
+            told.append([f"{sigma:g}", f"{asked:g}", "no method promises it", "", "", "", ""])
             continue
         took = {name: each.median * 1e3 for name, each in turns(runs).items()}
         chosen, quickest = next(iter(took)), min(took, key=took.__getitem__)
@@ -268,7 +268,8 @@ def best(until: float, size: int = 512) -> Section:
 
 
 def _contestants(image: Image, sigma: float, asked: float) -> list[Setting]:
-    """What the planner takes, then of each other method the setting with the least work that meets the error."""
+    """What the planner takes, then of each other method the setting with the least work that meets the error; nothing
+    where only the definition meets it."""
     blur, facts = operation("gaussian"), {"image": Facts.of(image)}
     parameters = blur.validate({"sigma": sigma})
     try:
@@ -277,6 +278,8 @@ def _contestants(image: Image, sigma: float, asked: float) -> list[Setting]:
         return []
     choice = plan.nodes[0].choice
     assert choice is not None
+    if choice.method not in blur.methods:
+        return []
     meeting = [
         setting
         for setting in settings(blur)
