@@ -23,7 +23,7 @@ def curves(section: Mapping[str, Any]) -> Drawing:
     series = {label: [(x, y) for x, y in points if y] for label, points in section["series"].items()}
     series = {label: points for label, points in series.items() if points}
     top, bottom = 58.0, 58.0 + HEIGHT
-    right = WIDTH - 40 - max((text_width(label, 13) * 1.04 for label in series), default=0.0)
+    right = WIDTH - 40 - max((text_width(label, 13) * 1.18 for label in series), default=0.0)
     points = [point for each in series.values() for point in each]
     x = spanning((x for x, _ in points), LEFT + 16, right - 16, least=0.5, margin=0.0)
     y = spanning((y for _, y in points), bottom - 10, top + 12, least=1.0, margin=0.05)
@@ -98,7 +98,7 @@ def stacked(section: Mapping[str, Any]) -> Drawing:
     rows: Mapping[str, Mapping[str, float]] = section["rows"]
     stages = [each for each in section["stages"] if any(row.get(each) for row in rows.values())]
     largest = max(sum(row.values()) for row in rows.values()) or 1.0
-    left = 40 + max(text_width(label, 13) for label in rows)
+    left = 40 + max(1.14 * text_width(label, 13) for label in rows)
     shapes: list[Shape] = [Text(24, 28, section["title"], size=17, bold=True)]
     top = 52.0
     hues = dict(zip(stages, COLOURS, strict=False))
@@ -152,7 +152,7 @@ def ahead(title: str, rows: Sequence[Mapping[str, Any]], threads: int) -> Drawin
     the peer's."""
     shown = [(row["work"], peer["name"], peer["ms"] / row["ours"]["ms"]) for row in rows for peer in rivals(row)]
     label = {(work, name): f"{work}: {name}" for work, name, _ in shown}
-    left = 40 + max(text_width(each, 12) for each in label.values())
+    left = 40 + max(1.14 * text_width(each, 12) for each in label.values())
     low, high = min([0.5, *(ratio for *_, ratio in shown)]), max([2.0, *(ratio for *_, ratio in shown)])
     scale = Scale(low, high, left + 10, RIGHT - 52)
     top, step = 76.0, 22.0
