@@ -37,8 +37,8 @@ def test_a_prefix_that_two_runs_share_is_computed_once(monkeypatch: pytest.Monke
         return by_method(node, *rest)
 
     def asking(step: str, compute: Any) -> Array:
-        if "soft" in done:  # the other run is at it
-            threading.Timer(0.05, asked.set).start()
+        if "soft" in done:  # the other run is at it, and this one will have begun to wait for it by then
+            threading.Timer(0.5, asked.set).start()
         return of(step, compute)
 
     monkeypatch.setattr(execution, "by_method", noted)
