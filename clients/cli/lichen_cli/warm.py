@@ -1,4 +1,4 @@
-"""`lichen warm`: runs every method of every operation once on something tiny, which compiles its kernels.
+"""`lichen warm`: runs every operation, and each of its methods, once on something small, which compiles the kernels.
 
 For container images and first starts: what is compiled lies in the runtime's cache folder (`POCL_CACHE_DIR`).
 """
@@ -27,5 +27,5 @@ def main(arguments: Sequence[str]) -> int:
         if wrong is not None:
             failed += 1
             print(f"{operation} {method}: {wrong}", file=sys.stderr)
-    print(f"{ran - failed} methods are compiled and kept in {status().cache}")
+    print(f"the kernels of {ran - failed} runs are kept in {status().cache}")
     return FAILED if failed else 0

@@ -116,7 +116,7 @@ def ends_processes(runtime: str) -> str | None:
     if shutil.which("ld") is None:
         return "there is no linker (ld) on PATH, without which PoCL ends the process"
     if re.search(r"PoCL 6\.\d.*LLVM 18\.", runtime):
-        return "PoCL 6 with LLVM 18 ends the process while it compiles; PoCL 3 to 5 do not"
+        return "PoCL 6 with LLVM 18 ends the process while it compiles; PoCL 3.1 and 5 do not"
     return None
 
 

@@ -85,9 +85,10 @@ kernel void across(global const float *restrict in, global float *restrict out, 
     }
 }
 
-/* Both axes of a band of `tall` rows of a strip of OUT columns, of the `floats` source floats from `spans` on, at
- * most WIDE; `reach` has the first source row of each row, and the one after its last. Source rows go through a ring of SLOTS, so that each is read from the image once, and is next to the rows that
- * are summed with it: in the image, rows of 4096 pixels compete for the same lines of a cache. */
+/* Both axes of a band of `tall` rows of a strip of OUT columns, of the `floats` source floats from `spans` on, at most
+ * WIDE; `reach` has the first source row of each row, and the one after its last. Source rows go through a ring of SLOTS,
+ * so that each is read from the image once, and is next to the rows that are summed with it: in the image, rows of 4096
+ * pixels compete for the same lines of a cache. */
 #ifdef SLOTS
 inline void keep(float *restrict to, global const float *restrict from, int floats) {
     int i = 0;
