@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 _log = logging.getLogger("lichen")
+LANES = 32
+"""of a graphics processor: a warp of NVIDIA's, half a wavefront of AMD's at most"""
 _FORKED = "this process was forked from one that had started the OpenCL runtime, which does not survive it; use spawn"
 
 
@@ -68,6 +70,10 @@ class Device:
     """float32 values the device likes to work on at once"""
     has_fp64: bool
     is_cpu: bool
+    shares_memory: bool
+    """whether it works in the host's memory, in place"""
+    lanes: int
+    """work-items that step together: one on a processor, whose lanes a kernel's vectors fill"""
     programs: Programs
     process: int = field(default_factory=os.getpid)
 
@@ -87,6 +93,8 @@ class Device:
             vector_width=max(int(opencl.native_vector_width_float), vector_width() if is_cpu else 1),
             has_fp64="cl_khr_fp64" in str(opencl.extensions).split(),
             is_cpu=is_cpu,
+            shares_memory=is_cpu or bool(opencl.host_unified_memory),
+            lanes=1 if is_cpu else LANES,
             programs=Programs(context, opencl),
         )
 

@@ -40,6 +40,8 @@ INCLUDE = _HERE / "include"
 OPTIONS = ("-cl-std=CL1.2",)
 QUICK = (*OPTIONS, "-D_OPENCL_H_")
 """Without PoCL's header of the whole language, which takes a third of a second to read; other runtimes have none."""
+ROUNDED = ("-cl-fp32-correctly-rounded-divide-sqrt",)
+"""What graphics processors must be asked for; PoCL's processors divide and take roots no other way."""
 LANGUAGE = INCLUDE / "language.clh"
 """Declares the functions that kernels call, where that header is left out."""
 
@@ -146,10 +148,13 @@ class Programs:
     """The programs of one device. Safe to use from any thread."""
 
     def __init__(self, context: cl.Context, device: cl.Device) -> None:
+        import pyopencl as cl
+
         self._context = context
         self._device = device
         pocl = "Portable Computing Language" in device.platform.name
-        self._ways = [(_language(), QUICK)] * pocl + [("", OPTIONS)]
+        exact = bool(device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT) and not pocl
+        self._ways = [(_language(), QUICK)] * pocl + [("", (*OPTIONS, *ROUNDED * exact))]
         self._built: OrderedDict[tuple[str, tuple[str, ...]], cl.Program] = OrderedDict()
         self._lock, self._building = threading.Lock(), threading.Lock()
         self._own = threading.local()

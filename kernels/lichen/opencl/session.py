@@ -12,11 +12,12 @@ Rules:
 * One array is one buffer. Arrays that overlap without being the same may be read, never written.
 * An array that is not aligned or not C-ordered is copied, and copied back if it is written: correct, but slower.
 * Work-group sizes are few and fixed, since PoCL compiles a kernel again for each new one. Grids are padded up to them,
-  so every kernel checks its bounds.
+  so every kernel checks its bounds. On a GPU, whose work-items step together, a group is at least as many (`widened`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType, TracebackType
@@ -41,6 +42,15 @@ _abandoned: list[object] = []
 _NO_DEFINES: Definitions = MappingProxyType({})
 
 
+def widened(group: tuple[int, ...], lanes: int) -> tuple[int, ...]:
+    """The work-group with as many more items along its first axis as `lanes`, which step together, need.
+
+    >>> widened((1, 16), 32), widened((64, 1), 32), widened((1, 1), 1)
+    ((2, 16), (64, 1), (1, 1))
+    """
+    return (group[0] * max(1, lanes // math.prod(group)), *group[1:])
+
+
 @dataclass(eq=False, slots=True)
 class Held:
     """An array inside a session: the memory the device uses, its buffer, and whether the device writes it."""
@@ -51,6 +61,8 @@ class Held:
     first: int
     end: int
     written: bool = False
+    fetched: bool = True
+    """whether the host sees what the device writes"""
 
     @property
     def copied(self) -> bool:
@@ -70,6 +82,7 @@ class Session:
         self._device = device
         self._queue = cl.CommandQueue(device.context, device.opencl)
         self._held: dict[tuple[int, int, tuple[int, ...]], Held] = {}
+        self._between: list[Array] = []
 
     def __enter__(self) -> Self:
         return self
@@ -98,8 +111,13 @@ class Session:
         return self._writable(array, needed=True)
 
     def scratch(self, shape: tuple[int, ...], dtype: npt.DTypeLike = np.float32) -> Array:
-        """An uninitialised aligned array for values between launches; pass it by `write`, then by `read`."""
-        return aligned_empty(shape, dtype)
+        """An uninitialised aligned array for values between launches; pass it by `write`, then by `read`.
+
+        It belongs to the device: what the host finds in it after the session is undefined.
+        """
+        between = aligned_empty(shape, dtype)
+        self._between.append(between)
+        return between
 
     # ---------------------------------------------------------------------------------------------- launches
 
@@ -116,12 +134,12 @@ class Session:
         """Enqueue `kernel` of `source` over `grid` work-items, padded up to whole work-groups.
 
         `local` is the work-group size (None: `LOCAL`); name (1,) or (1, 1) where one item does a lot of work,
-        such as a whole segment of a row.
+        such as a whole segment of a row. Kernels must give the same with any.
         Raises `DeviceFailure` naming source and kernel, with the build log where there is one.
         """
         import pyopencl as cl
 
-        group = local or LOCAL[len(grid)]
+        group = widened(local or LOCAL[len(grid)], self._device.lanes)
         padded = tuple(-(-size // step) * step for size, step in zip(grid, group, strict=True))
         if 0 in padded:
             return
@@ -144,7 +162,7 @@ class Session:
         """Wait for everything launched so far; the host may then read what was written. Other threads run meanwhile."""
         import pyopencl as cl
 
-        outputs = [held for held in self._held.values() if held.written]
+        outputs = [held for held in self._held.values() if held.written and held.fetched]
         try:
             mapped = [self._map(held) for held in outputs]
             self._queue.finish()
@@ -211,13 +229,17 @@ class Session:
             if needed:
                 memory[...] = array
         access = cl.mem_flags.READ_WRITE if memory.flags.writeable else cl.mem_flags.READ_ONLY
+        between = any(memory is each for each in self._between)
         try:
-            buffer = cl.Buffer(self._device.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
+            if between and not self._device.shares_memory:
+                buffer = cl.Buffer(self._device.context, access, size=memory.nbytes)
+            else:
+                buffer = cl.Buffer(self._device.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
         except cl.Error as error:
             raise DeviceFailure(f"{self._device.name} cannot use an array of {array.nbytes} bytes: {error}") from error
         contiguous = array.flags.c_contiguous
         low, high = (first, first + array.nbytes) if contiguous else np.lib.array_utils.byte_bounds(array)
-        return Held(array, memory, buffer, low, high)
+        return Held(array, memory, buffer, low, high, fetched=not between)
 
     def _refuse_overlap(self, held: Held, *, written: bool) -> None:
         for other in self._held.values():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 from lichen.errors import DeviceFailure
 from lichen.memory import aligned_empty
 from lichen.opencl.device import Device
-from lichen.opencl.session import Session
+from lichen.opencl.session import Session, widened
 
 SOURCE = str(Path(__file__).with_name("trial.cl"))
 
@@ -47,7 +48,7 @@ def test_two_dimensions(device: Device) -> None:
 def test_launches_see_what_earlier_ones_wrote(device: Device) -> None:
     given, out = ramp(500), aligned_empty((500,))
     with device.session() as session:
-        between = session.scratch((500,))
+        between = aligned_empty((500,))
         scale(session, given, between)
         for _ in range(3):
             session.launch(SOURCE, "increase", (500,), session.readwrite(between), np.int32(500))
@@ -104,6 +105,28 @@ def test_overlapping_arrays_may_not_be_written(device: Device) -> None:
     with device.session() as session:
         session.write(values[:128])
         session.write(values[128:])
+
+
+def test_scratch_holds_values_between_launches(device: Device) -> None:
+    given, out = ramp(500), aligned_empty((500,))
+    with device.session() as session:
+        between = session.scratch((500,))
+        scale(session, given, between)
+        scale(session, between, out)
+    assert np.array_equal(out, 4 * given)
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_devices_whose_items_step_together(device: Device, apart: bool) -> None:
+    wide = dataclasses.replace(device, lanes=32, shares_memory=not apart)
+    assert widened((1, 16), 32) == (2, 16)
+    out = aligned_empty((5, 67), np.int32)
+    with wide.session() as session:
+        between = session.scratch((5, 67), np.int32)
+        size = np.int32(67), np.int32(5)
+        session.launch(SOURCE, "place", (67, 5), session.write(between), *size, local=(1, 1))
+        session.launch(SOURCE, "place", (67, 5), session.write(out), *size, local=(1, 1))
+    assert np.array_equal(out, 1000 * np.arange(5)[:, np.newaxis] + np.arange(67))
 
 
 def test_null_pointers(device: Device) -> None:
