@@ -8,6 +8,7 @@ for every 4 kB. Decoding sRGB at 2048 x 2048 takes 0.7 of the time in huge pages
 
 from __future__ import annotations
 
+import math
 import mmap
 import threading
 import weakref
@@ -89,7 +90,7 @@ _pool = _Pool(KEPT)
 def aligned_empty(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float32) -> Array:
     """An uninitialised C-ordered array of `shape`, aligned for the widest vector load (large ones to a page)."""
     kind = np.dtype(dtype)
-    count = int(np.prod(shape, dtype=np.int64))
+    count = math.prod(shape)
     size = -(-max(count * kind.itemsize, 1) // mmap.PAGESIZE) * mmap.PAGESIZE
     if size < POOLED:
         spare = np.empty(count * kind.itemsize + ALIGNMENT, dtype=np.uint8)

@@ -100,7 +100,8 @@ class Facts:
 
     @classmethod
     def of(cls, image: Image) -> Facts:
-        return dataclasses.replace(cls.sized(image), extent=image.extent)
+        sized = image.height, image.width, image.channels, image.space, image.alpha
+        return cls(*sized, extent=image.extent, pages=image.pages)
 
     @classmethod
     def sized(cls, image: Image) -> Facts:

@@ -206,7 +206,7 @@ class Session:
 
     def _hold(self, array: Array, *, needed: bool) -> Held:
         """The array's one buffer in this session; `needed` says whether its present contents matter."""
-        first = array.__array_interface__["data"][0]
+        first = array.ctypes.data
         key = (first, array.nbytes, array.strides)
         held = self._held.get(key)
         if held is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ from lichen.operations.tone.curves import Form
 from lichen.operations.tone.evaluate import ceiling32
 
 
+@lru_cache(maxsize=256)
 def constants(shape: Form) -> Array:
-    """The numbers that transfer.cl reads, float32, in its order."""
+    """The numbers that transfer.cl reads, float32, in its order; nobody writes them."""
     power, inner, outer = shape.exponent, shape.inner, shape.outer
     if shape.body == "exponential":
         power /= math.log(2)
@@ -31,7 +33,9 @@ def constants(shape: Form) -> Array:
         *(shape.shift, shape.offset, shape.toe_scale, float(ceiling32(shape.knee)), shape.floor),
         *(inner, shape.lift, high, power - high, outer, shape.drop, curves.pq_ceiling_signal()),
     )
-    return aligned(np.array(numbers, dtype=np.float32))
+    made = aligned(np.array(numbers, dtype=np.float32))
+    made.flags.writeable = False
+    return made
 
 
 def _body(shape: Form) -> str:
