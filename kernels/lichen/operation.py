@@ -18,7 +18,6 @@ The parts, in the order a reader meets them:
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
