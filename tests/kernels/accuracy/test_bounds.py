@@ -80,7 +80,7 @@ def representable(truth: np.ndarray, pixels: np.ndarray, error: float) -> np.nda
 def test_methods_keep_what_they_state(operation: Operation[Any]) -> None:
     tally = Tally()
 
-    @draws(8)
+    @draws(5)
     @given(st.data())
     def holds(data: st.DataObject) -> None:
         inputs, parameters, facts = data.draw(drawing.cases(operation.name))
@@ -141,7 +141,7 @@ def test_whole_runs_keep_what_they_state(operation: Operation[Any]) -> None:
     """Conversions of light and coverage around the operation, and stores of every precision between them."""
     tally = Tally()
 
-    @draws(10)
+    @draws(8)
     @given(st.data())
     def holds(data: st.DataObject) -> None:
         picture = data.draw(pictures())

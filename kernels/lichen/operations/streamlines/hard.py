@@ -160,7 +160,7 @@ HARD_CASES = (
         "vortex between pixels",
         "closed lines much shorter than the length",
         _with_noise(24, 24, lambda x, y: (12 - y, x - 12)),
-        {"length": 200.0, "kernel": "hann"},
+        {"length": 80.0, "kernel": "hann"},
         _a_mean,
     ),
     HardCase(
