@@ -1,17 +1,19 @@
 """The same kernels on a graphics processor, where OpenCL lists one; otherwise nothing is measured here.
 
-Images lie in the host's memory before and after, so that what is timed holds both transfers.
+Images lie in the host's memory before and after: a whole run holds planning, both transfers and the kernels, whose own
+time the device tells. Peers run on the processors of that machine, all of them.
 """
 
 from __future__ import annotations
 
 import os
+import statistics
 from collections.abc import Callable
 from typing import Any
 
 from comparing import Row, errors
 from measuring import Copies, Turns, available
-from parts import convolution, streamlines, tone, warps
+from parts import colours, compositing, convolution, streamlines, tone, warps
 from sections import Section, bars, table
 
 import lichen
@@ -24,6 +26,8 @@ WORKS = (
     "median, 3 x 3, RGB",
     "homography, bicubic, RGBA",
     "lic, nearest, step 1, 1024 px",
+    "convert, sRGB to Lab",
+    "composite, over, RGBA",
 )
 
 
@@ -34,6 +38,28 @@ def listed() -> tuple[list[str], list[str]]:
     devices = [device for platform in cl.get_platforms() for device in platform.get_devices()]
     names = [str(device.name).strip() for device in devices]
     return names, [name for name, each in zip(names, devices, strict=True) if each.type & cl.device_type.GPU]
+
+
+class Profile:
+    """How long kernels take, as the device tells it: sessions are given queues that time every launch."""
+
+    def __init__(self) -> None:
+        import pyopencl as cl
+
+        queue, launch = cl.CommandQueue, cl.enqueue_nd_range_kernel
+        timed = cl.command_queue_properties.PROFILING_ENABLE
+        self._launched: list[cl.Event] = []
+        cl.CommandQueue = lambda context, device: queue(context, device, properties=timed)
+        cl.enqueue_nd_range_kernel = lambda *given: self._launched.append(launch(*given))
+
+    def __call__(self, run: Callable[[], object], rounds: int = 5) -> float:
+        """The median of the seconds that a run's kernels take."""
+        taken = []
+        for _ in range(rounds):
+            self._launched.clear()
+            run()
+            taken.append(1e-9 * sum(each.profile.end - each.profile.start for each in self._launched))
+        return statistics.median(taken)
 
 
 def sections(tell: Callable[[str], None]) -> list[Section]:
@@ -50,7 +76,7 @@ def sections(tell: Callable[[str], None]) -> list[Section]:
     os.environ["LICHEN_DEVICE"] = found[0]  # nothing has chosen a device before
     turns = Turns(Copies(len(available())))
     rows: list[list[Any]] = []
-    shown: dict[str, dict[str, float]] = {}
+    runs: dict[str, tuple[Callable[[], lichen.Result], int]] = {}
     for row in chosen():
         inputs, values = row.inputs(row.side), row.values(row.side)
 
@@ -58,17 +84,32 @@ def sections(tell: Callable[[str], None]) -> list[Section]:
             return lichen.run(row.operation, **inputs, **values, **row.ask, device="opencl")
 
         result = ours()
-        taken = turns({row.work: ours})[row.work].median * 1e3
+        contestants: dict[str, Callable[[], object]] = {"lichen": ours}
+        for peer in row.peers[:1]:
+            contestants[peer.name] = peer.prepare(inputs, values)
+        figures = turns(contestants)
         error, _ = errors(row, row.error_side, "opencl")
-        rows.append([row.work, result.device, f"{taken:.2f}", f"{error:.1e}", f"{result.error.value:.1e}"])
-        shown[row.work] = {"run": taken}
-        tell(f"{row.work}: {taken:.2f} ms")
+        moved = sum(each.pixels.nbytes for each in inputs.values()) + result.image.pixels.nbytes
+        runs[row.work] = ours, moved
+        rows.append(
+            [row.work, f"{figures.pop('lichen').median * 1e3:.1f}", f"{error:.1e}", f"{result.error.value:.1e}"]
+        )
+        peer, figure = next(iter(figures.items()), ("", None))
+        rows[-1] += [peer, "" if figure is None else f"{figure.median * 1e3:.1f}"]
+    profile = Profile()
+    shown: dict[str, dict[str, float]] = {}
+    for row, (work, (run, moved)) in zip(rows, runs.items(), strict=True):
+        kernels = profile(run)
+        row[2:2] = [f"{kernels * 1e3:.3f}", f"{moved / kernels / 1e9:.0f}"]
+        shown[work] = {"kernels": kernels * 1e3}
+        tell(f"{work}: {row[1]} ms, of which kernels {row[2]}")
+    head = ["work", "whole run, ms", "kernels, ms", "GB/s", "largest error", "stated", "peer", "its ms"]
     return [
-        table("", ["work", "device", "ms", "largest error", "stated"], rows),
-        bars("gpu", f"On {found[0]}, transfers included", "ms", ["run"], shown),
+        table("", head, rows, f"On {found[0]}. GB/s: pictures read and written, over the time of the kernels."),
+        bars("gpu", f"Kernels on {found[0]}, transfers left out", "ms", ["kernels"], shown),
     ]
 
 
 def chosen() -> list[Row]:
-    every = (*tone.ROWS, *convolution.ROWS, *warps.ROWS, *streamlines.ROWS)
+    every = (*tone.ROWS, *convolution.ROWS, *warps.ROWS, *streamlines.ROWS, *colours.ROWS, *compositing.ROWS)
     return [row for row in every if row.work in WORKS]
