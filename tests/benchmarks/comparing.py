@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from measuring import Copies, Limits, Turns, limits, quick
+from measuring import Copies, Limits, Turns, kernel_seconds, limits, quick
 
 import lichen
 from lichen.accuracy.metrics import difference
@@ -85,6 +85,8 @@ class Row:
     error_side: int = 192
     flops: float = 0.0
     """of each sample of the result, where they may be what bounds it"""
+    why: str = ""
+    """what bounds it, where a peer is faster"""
 
     def values(self, side: int) -> dict[str, Any]:
         """The parameters at this size."""
@@ -126,6 +128,8 @@ def measured(row: Row, copies: Copies, able: Limits, device: str | None = None) 
         "flops": row.flops * result.image.pixels.size,
         "least_ms": least * 1e3,
         "fraction": least / figures["lichen"].median,
+        "kernels_ms": kernel_seconds(ours) * 1e3,
+        "why": row.why,
         "peers": [
             (figures[peer.name].to_json() if peer.name in figures else {"failed": failed[peer.name]})
             | {"name": peer.name, "alone": peer.alone, "yardstick": peer.yardstick, "error": theirs.get(peer.name)}

@@ -245,3 +245,23 @@ def quick() -> bool:
 def available() -> list[int]:
     """The processors this process may use."""
     return sorted(os.sched_getaffinity(0))
+
+
+def kernel_seconds(run: Run, rounds: int = 5) -> float:
+    """The median of what a run's kernels take, as the device tells it: sessions are given queues that note it."""
+    import pyopencl as cl
+
+    queue, launch = cl.CommandQueue, cl.enqueue_nd_range_kernel
+    noting = cl.command_queue_properties.PROFILING_ENABLE
+    launched: list[cl.Event] = []
+    cl.CommandQueue = lambda context, device: queue(context, device, properties=noting)
+    cl.enqueue_nd_range_kernel = lambda *given: launched.append(launch(*given))
+    taken = []
+    try:
+        for _ in range(1 if quick() else rounds):
+            launched.clear()
+            run()
+            taken.append(1e-9 * sum(each.profile.end - each.profile.start for each in launched))
+    finally:
+        cl.CommandQueue, cl.enqueue_nd_range_kernel = queue, launch
+    return statistics.median(taken)

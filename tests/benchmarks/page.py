@@ -123,6 +123,29 @@ def _comparison(document: Document, section: Mapping[str, Any], draw: Draw) -> I
         for work, reason in run["failed"].items():
             yield f"Not measured: {work} ({reason})."
         yield ""
+    yield from _behind(section["runs"])
+
+
+def _behind(runs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Where a peer is faster, by how much with each number of threads, how much of our time is kernels, and why."""
+    rows = {row["work"]: row for run in runs for row in run["rows"]}
+    found = {}
+    for work, row in rows.items():
+        ratios = [
+            f"{peer['ms'] / other['ours']['ms']:.2f} of {peer['name']}'s speed on {run['threads']} thread"
+            + "s" * (run["threads"] > 1)
+            for run in reversed(runs)
+            for other in run["rows"]
+            for peer in plots.rivals(other)
+            if other["work"] == work and peer["ms"] < other["ours"]["ms"]
+        ]
+        if ratios:
+            kernels = f"kernels are {row['kernels_ms']:.3g} of {_ms(row['ours'])} ms"
+            found[work] = f"- **{work}**: {', '.join(ratios)}; {kernels}. {row['why'] or 'Not looked into.'}"
+    if found:
+        yield "## Where a peer is faster, and why\n"
+        yield from found.values()
+        yield ""
 
 
 def _paired(rows: Sequence[Mapping[str, Any]]) -> bool:

@@ -7,12 +7,11 @@ time the device tells. Peers run on the processors of that machine, all of them.
 from __future__ import annotations
 
 import os
-import statistics
 from collections.abc import Callable
 from typing import Any
 
 from comparing import Row, errors
-from measuring import Copies, Turns, available
+from measuring import Copies, Turns, available, kernel_seconds
 from parts import colours, compositing, convolution, streamlines, tone, warps
 from sections import Section, bars, table
 
@@ -38,28 +37,6 @@ def listed() -> tuple[list[str], list[str]]:
     devices = [device for platform in cl.get_platforms() for device in platform.get_devices()]
     names = [str(device.name).strip() for device in devices]
     return names, [name for name, each in zip(names, devices, strict=True) if each.type & cl.device_type.GPU]
-
-
-class Profile:
-    """How long kernels take, as the device tells it: sessions are given queues that time every launch."""
-
-    def __init__(self) -> None:
-        import pyopencl as cl
-
-        queue, launch = cl.CommandQueue, cl.enqueue_nd_range_kernel
-        timed = cl.command_queue_properties.PROFILING_ENABLE
-        self._launched: list[cl.Event] = []
-        cl.CommandQueue = lambda context, device: queue(context, device, properties=timed)
-        cl.enqueue_nd_range_kernel = lambda *given: self._launched.append(launch(*given))
-
-    def __call__(self, run: Callable[[], object], rounds: int = 5) -> float:
-        """The median of the seconds that a run's kernels take."""
-        taken = []
-        for _ in range(rounds):
-            self._launched.clear()
-            run()
-            taken.append(1e-9 * sum(each.profile.end - each.profile.start for each in self._launched))
-        return statistics.median(taken)
 
 
 def sections(tell: Callable[[str], None]) -> list[Section]:
@@ -96,10 +73,9 @@ def sections(tell: Callable[[str], None]) -> list[Section]:
         )
         peer, figure = next(iter(figures.items()), ("", None))
         rows[-1] += [peer, "" if figure is None else f"{figure.median * 1e3:.1f}"]
-    profile = Profile()
     shown: dict[str, dict[str, float]] = {}
     for row, (work, (run, moved)) in zip(rows, runs.items(), strict=True):
-        kernels = profile(run)
+        kernels = kernel_seconds(run)
         row[2:2] = [f"{kernels * 1e3:.3f}", f"{moved / kernels / 1e9:.0f}"]
         shown[work] = {"kernels": kernels * 1e3}
         tell(f"{work}: {row[1]} ms, of which kernels {row[2]}")
