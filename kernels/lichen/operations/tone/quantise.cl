@@ -1,10 +1,18 @@
 // Rounding to few levels, in doubles and in the order of quantise.py, so that both decide alike.
 //
-// CHANNELS of a sample, COLOURS of them colour. `n` holds low, the step, levels - 1, levels - 1 over
+// CHANNELS of a sample, COLOURS of them colour, COVERAGE (flat.clh). `n` holds low, the step, levels - 1, levels - 1 over
 // the range, and the strength of the dither.
 // Every number is put on the scale 0 to levels - 1, where q = floor(v + threshold).
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
+
+#include "flat.clh"
+
+static inline __attribute__((always_inline)) double16 between(double16 v, double most)
+{
+    v = select(v, (double16)(0.0), v < 0.0);
+    return select(v, (double16)(most), v > most);
+}
 
 static inline double scaled(float x, global const double *restrict n)
 {
@@ -22,27 +30,25 @@ static inline double rounded(double v, double threshold, global const double *re
 
 static inline float placed(double q, global const double *restrict n) { return (float)(n[0] + q * n[1]); }
 
-#define SEGMENT 64
-
-// `mask` holds side x side thresholds, already drawn towards 1/2 by what the strength lacks.
-kernel void ordered(global const float *restrict in, global float *restrict out, global const double *restrict mask,
-                    int side, global const double *restrict n, int width, int height)
+// Sixteen samples of a row at a time. `thresholds` holds `side` rows, each `side` pixels wide and 16 samples wider,
+// over again for every channel and already drawn towards 1/2 by what the strength lacks.
+kernel void ordered(global const float *restrict in, global float *restrict out,
+                    global const double *restrict thresholds, int side, global const double *restrict n, int row,
+                    int height)
 {
-    int first = get_global_id(0) * SEGMENT, y = get_global_id(1);
-    if (y >= height)
+    int x = get_global_id(0) * FLAT_WIDTH, y = get_global_id(1);
+    if (x >= row || y >= height)
         return;
-    int last = min(first + SEGMENT, width);
-    for (int x = first; x < last; x++) {
-        size_t at = ((size_t)y * width + x) * CHANNELS;
-        double threshold = mask[(y & (side - 1)) * side + (x & (side - 1))];
-        for (int c = 0; c < COLOURS; c++) {
-            float value = in[at + c];
-            float made = placed(rounded(scaled(value, n), threshold, n), n);
-            out[at + c] = isnan(value) ? value : made;
-        }
-        for (int c = COLOURS; c < CHANNELS; c++)
-            out[at + c] = in[at + c];
-    }
+    int period = side * CHANNELS;
+    ulong start = (ulong)y * row, at = start + x, end = start + row;
+    double16 threshold = vload16(0, thresholds + (size_t)(y & (side - 1)) * (period + FLAT_WIDTH) + x % period);
+    float16 given = flat_load(in, at, end);
+    double16 v = (convert_double16(given) - n[0]) * n[3];
+    v = between(v, n[2]);
+    double16 q = between(convert_double16(convert_int16(v + threshold)), n[2]); // neither is negative
+    float16 made = convert_float16(n[0] + q * n[1]);
+    made = select(made, given, isnan(given));
+    flat_store(flat_keep_coverage(made, given, x), out, at, end);
 }
 
 // One work-item for one channel, pixel after pixel. `errors` holds three rows of width + 4 for each channel, zeroed;

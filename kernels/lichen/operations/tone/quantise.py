@@ -105,6 +105,10 @@ class Parameters(OperationParameters):
         return self.dither is Dither.ERROR_DIFFUSION
 
 
+LANES = 16
+"""Samples of a vector."""
+
+
 def mask(p: Parameters) -> Array:
     """The thresholds that are laid out over the image, float64."""
     thresholds = np.full((1, 1), 0.5)
@@ -287,7 +291,8 @@ class Exact:
         out = aligned_empty(pixels.shape)
         numbers = aligned(np.array([p.low, p.step, p.levels - 1, p.scale, p.strength]), np.float64)
         size = (np.int32(image.width), np.int32(image.height))
-        defines = {"CHANNELS": image.channels, "COLOURS": image.colours}
+        coverage = image.channels if image.alpha is not Alpha.NONE else 0
+        defines = {"CHANNELS": image.channels, "COLOURS": image.colours, "COVERAGE": coverage}
         with device.session() as session:
             if p.diffused:
                 errors = aligned_empty((image.channels, 3, image.width + 4), np.float64)
@@ -299,11 +304,12 @@ class Exact:
                     local=(1,), defines=defines,
                 )  # fmt: skip
             else:
-                thresholds = mask(p)
+                thresholds = _laid_out(mask(p), image.channels)
+                row = image.width * image.channels
                 session.launch(
-                    "tone/quantise.cl", "ordered", (-(-image.width // 64), image.height),
-                    pixels, session.write(out), thresholds, np.int32(len(thresholds)), numbers, *size,
-                    local=(1, 1), defines=defines,
+                    "tone/quantise.cl", "ordered", (-(-row // LANES), image.height),
+                    pixels, session.write(out), thresholds, np.int32(len(thresholds)), numbers, np.int32(row), size[1],
+                    defines=defines,
                 )  # fmt: skip
         return out
 
@@ -315,6 +321,12 @@ class Exact:
         out[..., image.colours :] = image.pixels[..., image.colours :]
         out[..., : image.colours] = _slanted(image, p) if p.diffused else _ordered(x, p)
         return out
+
+
+def _laid_out(thresholds: Array, channels: int) -> Array:
+    """The thresholds of every sample of a row, and the first ones again, so that sixteen begin anywhere."""
+    period = channels * len(thresholds)
+    return aligned(thresholds[:, np.arange(period + LANES) % period // channels], np.float64)
 
 
 def _slanted(image: Image, p: Parameters) -> Array:
