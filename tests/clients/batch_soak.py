@@ -3,9 +3,10 @@
     .venv/bin/python tests/clients/batch_soak.py --items 500 --kills 100
     .venv/bin/python tests/clients/batch_soak.py --folder soak --seconds 150      again and again, until all is told
 
-Kills are SIGKILL at random moments, to the command or to one of the processes that do its items. At the end every item
-must have one line in the journal, and every output the bytes that a run without kills gives it. A batch in a `--folder`
-of its own can be left after so many seconds and gone on with later.
+Kills are SIGKILL at random moments, to the command or to one of the processes that do its items: three of four while
+items are done, the fourth while the command still starts. At the end every item must have one line in the journal, and
+every output the bytes that a run without kills gives it. A batch in a `--folder` of its own can be left after so many
+seconds and gone on with later.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ import numpy as np
 
 from lichen_client import Client
 
+STARTING = 4.0
+"""Seconds in which a command starts, about."""
+
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -37,7 +41,9 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=float("inf"), help="to leave it after")
     given = parser.parse_args()
     os.environ.setdefault("LICHEN_DEVICE", "numpy")
-    with tempfile.TemporaryDirectory() as folder:
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # modules are compiled once, as an installation leaves them
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as compiled:
+        os.environ.setdefault("PYTHONPYCACHEPREFIX", compiled)
         return _soak(Path(given.folder or folder), given)
 
 
@@ -50,14 +56,14 @@ def _soak(folder: Path, given: argparse.Namespace) -> int:
     told = json.loads(tally.read_text())
     before, draws = told["seconds"], random.Random(f"{given.seed} {told}")
     manifest, out = folder / "items.jsonl", folder / "out"
-    per_kill = max(1, 2 * given.items // max(given.kills, 1))
     while (killed := told["command"] + told["hand"]) < given.kills:
         if time.monotonic() - began > given.seconds:
             print(json.dumps({**told, "done": len(_lines(out))}))
             return 0
-        if len(_lines(out)) >= given.items - 2:
+        left = given.items - len(_lines(out))
+        if left <= 2:
             sys.exit(f"the batch has ended after {killed} kills: more items are wanted")
-        victim = _kill_once(manifest, out, draws, per_kill)
+        victim = _kill_once(manifest, out, draws, max(1, left // (given.kills - killed)))
         told[victim] += victim in told
         told["seconds"] = round(before + time.monotonic() - began, 1)
         _keep(tally, told)
@@ -72,13 +78,16 @@ def _keep(tally: Path, told: dict[str, Any]) -> None:
     tally.write_text(json.dumps(told))
 
 
-def _kill_once(manifest: Path, out: Path, draws: random.Random, per_kill: int) -> str:
-    """Starts the batch, kills it or one of its processes when it has done some more items; returns which."""
+def _kill_once(manifest: Path, out: Path, draws: random.Random, most: int) -> str:
+    """Starts the batch, kills it or one of its processes when it has done up to `most` more items; returns which."""
     process = _start(manifest, out)
-    wanted = len(_lines(out)) + draws.randint(0, per_kill)
-    while process.poll() is None and len(_lines(out)) < wanted:
-        time.sleep(0.002)
-    time.sleep(draws.uniform(0, 0.02))
+    if draws.random() < 0.25:
+        time.sleep(draws.uniform(0, STARTING))
+    else:
+        wanted = len(_lines(out)) + draws.randint(1, most)
+        while process.poll() is None and len(_lines(out)) < wanted:
+            time.sleep(0.002)
+        time.sleep(draws.uniform(0, 0.02))
     hands = _children(process.pid)
     victim = "nobody"
     if hands and draws.random() < 0.2:
