@@ -23,6 +23,7 @@ from distributed import Client as Distributed
 from lichen.files import encode
 from lichen.image import Image, Storage
 from lichen_batch import rasters
+from lichen_batch.cluster import given_by_dask
 from lichen_cli.main import main
 from lichen_client import Client
 from lichen_service.app import Service
@@ -247,3 +248,10 @@ def test_a_cluster_that_is_not_there_is_told(
     command = ["batch", "run", f"{tmp_path}/a.npy*", "--out", str(tmp_path / "out"), "--engine", "dask://127.0.0.1:9"]
     assert main([*command, "--operation", "gaussian", "--set", "sigma=1", "--output", "a.exr"]) == 3
     assert "lichen: " in capsys.readouterr().err
+
+
+def test_who_does_items_has_none_of_what_dask_gives_its_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in {"MALLOC_TRIM_THRESHOLD_": "65536", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "3"}.items():
+        monkeypatch.setenv(name, value)
+    assert {"MALLOC_TRIM_THRESHOLD_", "OPENBLAS_NUM_THREADS"} <= given_by_dask()
+    assert "OMP_NUM_THREADS" not in given_by_dask()  # somebody's own

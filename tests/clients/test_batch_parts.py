@@ -217,7 +217,7 @@ def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path: Path) ->
     stale = tmp_path / f".a[1].png{places.PART}00"
     for path in (stale, tmp_path / f".a1.png{places.PART}00", tmp_path / "a[1].png"):
         path.write_bytes(b"")
-    places.sweep(str(tmp_path / "a[1].png"))
+    places.sweep([str(tmp_path / "a[1].png")])
     assert not stale.exists()
     assert len(list(tmp_path.iterdir())) == 2
 

@@ -11,11 +11,13 @@ The scheduler and its workers need this package installed, in the same version.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping
 from concurrent.futures import Future
 from typing import Any
 
+import dask
 from distributed import Client, LocalCluster, WorkerPlugin, get_worker
 from distributed.scheduler import KilledWorker
 
@@ -43,12 +45,19 @@ class Workbench(WorkerPlugin):
     def setup(self, worker: Any) -> None:
         if self._version != VERSION:
             raise RuntimeError(f"the worker has version {VERSION} of the engine, the batch {self._version}")
-        self.hands = Hands(worker.state.nthreads, self._limits)
+        self.hands = Hands(worker.state.nthreads, self._limits, given_by_dask())
         self.hands.start()
 
     def teardown(self, worker: Any) -> None:
         if self.hands is not None:
             self.hands.end()
+
+
+def given_by_dask() -> set[str]:
+    """Variables that Dask gave its worker, and that those who do items shall not have: other threads of BLAS round
+    otherwise than in every other process, and memory that is given back at once is paid for anew by every picture."""
+    given = dask.config.get("distributed.nanny.pre-spawn-environ", {})
+    return {name for name, value in given.items() if os.environ.get(name) == str(value)}
 
 
 def do(said: Mapping[str, Any]) -> dict[str, Any]:
@@ -67,13 +76,14 @@ class DaskEngine:
         """
         self._cluster = None
         if not address:
-            self._cluster = LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address=None,
-                memory_limit=None,  # items have limits of their own, and Dask would end workers for what others hold
-            )
+            with dask.config.set({"distributed.worker.profile.enabled": False}):  # its workers only wait
+                self._cluster = LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address=":0",  # any free port: the usual one may be taken, of which Dask would warn
+                    memory_limit=None,  # items have limits of their own; Dask would end workers for what others hold
+                )
         self._client = Client(self._cluster or f"tcp://{address}", timeout=WAITING, set_as_default=False)
         self._client.register_plugin(Workbench(limits, VERSION))
         self._client.wait_for_workers(1, timeout=WAITING)

@@ -18,11 +18,12 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from lichen.processors import LIMIT
 from lichen_batch.item import Item, Outcome, Problem, failure
 
 STARTING = 300.0
@@ -40,7 +41,7 @@ class Limits:
     memory: int | None = None
     """bytes that the process doing it may hold"""
     threads: int = 1
-    """that kernels run on"""
+    """that kernels and codecs run on"""
 
 
 class Ended(Exception):
@@ -50,8 +51,9 @@ class Ended(Exception):
 class Hand:
     """One process. Belongs to one thread at a time."""
 
-    def __init__(self, limits: Limits) -> None:
-        self._limits = limits
+    def __init__(self, limits: Limits, without: Set[str] = frozenset()) -> None:
+        """`without` are variables of our environment that are not to be the process's."""
+        self._limits, self._without = limits, without
         self._process: subprocess.Popen[bytes] | None = None
         self._said = bytearray()
         self._errors: Path | None = None
@@ -89,8 +91,9 @@ class Hand:
         self._errors = Path(name)
         threads = str(self._limits.threads)
         # Not those of BLAS: its products are rounded by their number, which must be that of every other process.
-        names = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OPENCV_FOR_THREADS_NUM")
+        names = (LIMIT, "OPENCV_FOR_THREADS_NUM")
         environment = {**dict.fromkeys(names, threads), "MALLOC_ARENA_MAX": "2", **os.environ}
+        environment = {name: value for name, value in environment.items() if name not in self._without}
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "lichen_batch.hand"],
@@ -180,8 +183,8 @@ def _resident(process: int) -> int:
 class Hands:
     """Several of them, each used by one item at a time."""
 
-    def __init__(self, count: int, limits: Limits) -> None:
-        self._all = [Hand(limits) for _ in range(count)]
+    def __init__(self, count: int, limits: Limits, without: Set[str] = frozenset()) -> None:
+        self._all = [Hand(limits, without) for _ in range(count)]
         self._free: queue.SimpleQueue[Hand] = queue.SimpleQueue()
         self._started = False
         self._lock = threading.Lock()

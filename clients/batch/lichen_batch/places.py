@@ -10,6 +10,7 @@ from __future__ import annotations
 import glob
 import os
 import secrets
+from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -114,14 +115,17 @@ def _write_file(path: Path, data: bytes) -> None:
         os.close(folder)
 
 
-def sweep(place: str) -> None:
-    """Removes what a killed process left unfinished of this place."""
-    path = local(place)
-    if path is not None and path.parent.is_dir():
-        for part in path.parent.glob(f".{_literal(path.name)}{PART}*"):
-            part.unlink(missing_ok=True)
-
-
-def _literal(name: str) -> str:
-    """A name as a pattern that matches nothing else."""
-    return "".join(f"[{each}]" if each in "*?[" else each for each in name)
+def sweep(places: Iterable[str]) -> None:
+    """Removes what killed processes left unfinished of these places. Every folder is looked through once."""
+    wanted: dict[Path, set[str]] = {}
+    for place in places:
+        path = local(place)
+        if path is not None:
+            wanted.setdefault(path.parent, set()).add(path.name)
+    for folder, names in wanted.items():
+        if not folder.is_dir():
+            continue
+        for part in folder.iterdir():
+            name, found, _ = part.name.rpartition(PART)
+            if found and name.removeprefix(".") in names:
+                part.unlink(missing_ok=True)

@@ -85,7 +85,6 @@ def _read(place: str) -> bytes:
 def _write(place: str, result: Result) -> dict[str, Any]:
     body = memoryview(result.body)
     try:
-        places.sweep(place)
         places.write(place, bytes(body))
     except Exception as wrong:  # as above
         raise Failed(Problem("unwritable-output", f"{place}: {_said(wrong)}", retryable=True)) from wrong

@@ -73,9 +73,7 @@ def _parser() -> Parser:
     for_all.add_argument("--output", metavar="TEMPLATE", help="such as {stem}.png; also {id}, {suffix} and {number}")
     who = parser.add_argument_group("who does it")
     who.add_argument("--workers", "--concurrency", type=_count, metavar="N", help="items at a time (one a processor)")
-    who.add_argument(
-        "--threads", type=_count, metavar="N", help="of one item's kernels (default: processors / workers)"
-    )
+    who.add_argument("--threads", type=_count, metavar="N", help="of one item (default: processors / workers)")
     who.add_argument("--url", metavar="URL", help="a service, instead of this machine")
     who.add_argument("--engine", default="local", metavar="E", help="local, dask, or dask://HOST:PORT of a scheduler")
     again = parser.add_argument_group("again")
@@ -98,13 +96,13 @@ def _parser() -> Parser:
 
 
 @dataclass(frozen=True)
-class _Places:
+class _Kept:
     journal: Path
     summary: Path
 
 
 def _run(given: argparse.Namespace) -> int:
-    from lichen_batch import manifest
+    from lichen_batch import manifest, places
     from lichen_batch.journal import Journal, JournalError, remaining
     from lichen_batch.run import Rules, Stop, run
     from lichen_batch.summary import Account
@@ -120,17 +118,17 @@ def _run(given: argparse.Namespace) -> int:
     if given.check:
         print(json.dumps({"items": len(items), "share": len(mine)}))
         return 0
-    places = _places(given, index, count)
+    kept = _kept(given, index, count)
     given.resume |= given.retry_failed
     try:
-        journal = Journal(places.journal)
+        journal = Journal(kept.journal)
     except (JournalError, OSError) as wrong:
         return _fatal(str(wrong))
     with journal:
         if given.overwrite:
             journal.clear()
         elif not journal.empty and not given.resume and not _in_a_job():
-            raise Usage(f"{places.journal} is there: --resume goes on with it, --overwrite begins anew")
+            raise Usage(f"{kept.journal} is there: --resume goes on with it, --overwrite begins anew")
         entries = journal.entries()
         todo = [
             (item, entry.attempts if entry else 0)
@@ -152,9 +150,11 @@ def _run(given: argparse.Namespace) -> int:
                         left = run(todo, len(mine), engine, journal, rules, stop, tell, failed_before)
                 finally:
                     engine.end()
+        if not left:
+            places.sweep(place for item in mine for place in item.outputs.values())
     status = _status(account, stop)
     summary = account.to_json(left, _why(stop), **_of(given, name, index, count), status=status)
-    _tell(summary, places.summary, account)
+    _tell(summary, kept.summary, account)
     return status
 
 
@@ -179,7 +179,7 @@ def _defaults(given: argparse.Namespace) -> Defaults:
     return Defaults(given.operation, pipeline, parameters, given.output)
 
 
-def _places(given: argparse.Namespace, index: int, count: int) -> _Places:
+def _kept(given: argparse.Namespace, index: int, count: int) -> _Kept:
     """Where the journal and the summary lie: on this machine, since nowhere else can a line be appended."""
     from lichen_batch.places import local
 
@@ -188,13 +188,13 @@ def _places(given: argparse.Namespace, index: int, count: int) -> _Places:
     if given.results is None and folder is None:
         raise Usage(f"{given.out} is not on this machine: name a journal that is, with --results FILE")
     journal = Path(given.results) if given.results else (folder or Path()) / f"results{share}.jsonl"
-    return _Places(
+    return _Kept(
         journal, journal.with_name(journal.name.removesuffix(".jsonl").replace("results", "summary") + ".json")
     )
 
 
 def _engine(given: argparse.Namespace) -> Engine:
-    from lichen.opencl.processors import processors
+    from lichen.processors import processors
     from lichen_batch import engines
     from lichen_batch.hands import Limits
 

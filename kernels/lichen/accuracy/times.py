@@ -29,8 +29,8 @@ import numpy as np
 import platformdirs
 
 from lichen.opencl.device import default_device
-from lichen.opencl.processors import processors
 from lichen.operation import Rate
+from lichen.processors import processors
 
 Rates = Mapping[tuple[str, str], Rate]
 """By operation and method."""

@@ -6,7 +6,6 @@ their own, whatever the number of threads, so the same image gives the same byte
 
 from __future__ import annotations
 
-import os
 import zlib
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +14,7 @@ from typing import TypeVar, cast
 from isal import isal_zlib
 
 from lichen.errors import TooLarge, UnreadableImage
+from lichen.processors import threads
 
 LEVEL = 1
 _Failure = cast(type[Exception], isal_zlib.error)  # the stub declares an instance
@@ -25,17 +25,12 @@ checksum = isal_zlib.crc32
 adler = isal_zlib.adler32
 
 
-def workers() -> int:
-    """Processors this process may use."""
-    return len(os.sched_getaffinity(0))
-
-
 def each(function: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:
-    """`[function(item) for item in items]` on all processors; the functions release the interpreter while they work."""
+    """`[function(item) for item in items]` on all its processors; functions release the interpreter while they work."""
     todo = list(items)
-    if len(todo) < 2 or workers() < 2:
+    if len(todo) < 2 or threads() < 2:
         return [function(item) for item in todo]
-    with ThreadPoolExecutor(min(workers(), len(todo))) as pool:
+    with ThreadPoolExecutor(min(threads(), len(todo))) as pool:
         return list(pool.map(function, todo))
 
 

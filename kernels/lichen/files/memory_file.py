@@ -13,8 +13,8 @@ from functools import cache
 from typing import Any
 
 from lichen.errors import UnreadableImage
-from lichen.files.deflate import workers
 from lichen.memory import Array
+from lichen.processors import threads
 
 _IMAGE_MB = 8192
 _CHANNELS = 1024
@@ -26,8 +26,8 @@ def _library() -> Any:
 
     OpenImageIO.attribute("limits:imagesize_MB", _IMAGE_MB)
     OpenImageIO.attribute("limits:channels", _CHANNELS)
-    OpenImageIO.attribute("threads", workers())
-    OpenImageIO.attribute("exr_threads", workers())
+    OpenImageIO.attribute("threads", threads())
+    OpenImageIO.attribute("exr_threads", threads())
     return OpenImageIO
 
 

@@ -25,9 +25,9 @@ import numpy as np
 from lichen.errors import DeviceFailure
 from lichen.memory import aligned_empty
 from lichen.opencl import cache
-from lichen.opencl.processors import processors, vector_width
 from lichen.opencl.programs import Definitions, Programs
 from lichen.opencl.session import Session
+from lichen.processors import threads, vector_width
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -236,7 +236,7 @@ def _start_environment() -> Path:
     folder = cache.prepare()
     os.environ["POCL_CACHE_DIR"] = str(folder)
     for name in ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT"):  # PoCL up to 4, and later
-        os.environ.setdefault(name, str(processors()))
+        os.environ.setdefault(name, str(threads()))
     os.environ.setdefault("PYOPENCL_NO_CACHE", "1")  # the runtime keeps its own
     return folder
 

@@ -19,7 +19,6 @@ from pydantic import Field
 from lichen.image import Alpha, Extent, Image
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
-from lichen.opencl.processors import processors
 from lichen.operation import (
     EXACT,
     POINTWISE,
@@ -36,6 +35,7 @@ from lichen.part import Rectangle
 from lichen.planning.graph import Decision, Graph, Moved, Node, Request, inputs_of, rewired
 from lichen.planning.prune import cost
 from lichen.planning.region import WORTHWHILE, crop
+from lichen.processors import threads
 
 BLOCK = 16
 """Rows or columns that are looked through at once."""
@@ -91,7 +91,7 @@ def _patched(inputs: Inputs, p: Parameters, out: Array) -> Array:
     if len(starts) == 1:
         band(0, len(out))
         return out
-    with ThreadPoolExecutor(min(processors(), len(starts))) as pool:
+    with ThreadPoolExecutor(min(threads(), len(starts))) as pool:
         list(pool.map(lambda start: band(start, min(start + rows, len(out))), starts))
     return out
 

@@ -1,9 +1,10 @@
 """What the ways in cost: the Python client over a raw socket, batches by their engines, tiles by their memory.
 
 The client and the socket ask one service for the same, by turns, and their medians are compared. Batches are of photos
-that are blurred: one process, two, a service on loopback, and a cluster. Kernels of every process that does items run
-on one thread, in the runs that are compared with one another: on a machine of two processors one process would
-otherwise use both of them.
+that are blurred: one process, two, a service on loopback, and a cluster. Kernels and codecs of every process that does
+items run on one thread, in the runs that are compared with one another: on a machine of two processors one process
+would otherwise use both of them. Beside batches of one process and of two stands what bare processes compute that do
+nothing else, by turns: where two of them are not twice as fast as one, no batch can be.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from sections import Section, table
 
 from lichen.files import encode
 from lichen.image import Image, Space, Storage
+from lichen_batch.engines import Engine
+from lichen_batch.item import Outcome
 from lichen_client import Client
 
 TITLE = "Clients and batches"
@@ -34,7 +37,8 @@ PHOTOS = int(os.environ.get("LICHEN_PHOTOS", "16" if quick() else "120"))
 ROUNDS = 10 if quick() else 200
 SIDE = int(os.environ.get("LICHEN_SIDE", "1024" if quick() else "8192"))
 """Of the array that is done in tiles."""
-ALONE = dict.fromkeys(("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "OPENCV_FOR_THREADS_NUM"), "1")
+ROUNDS_OF_BATCHES = int(os.environ.get("LICHEN_ROUNDS", "1" if quick() else "3"))
+ALONE = dict.fromkeys(("LICHEN_PROCESSORS", "OPENCV_FOR_THREADS_NUM"), "1")
 """Lets kernels and codecs of a process run on one thread."""
 
 
@@ -118,7 +122,7 @@ def batch_of(folder: Path, *further: str) -> float:
     return (count - begun) / ((last or time.monotonic()) - first)
 
 
-def bare(folder: Path, processes: int, seconds: float = 1.0 if quick() else 6.0) -> float:
+def bare(folder: Path, processes: int, seconds: float = 1.0 if quick() else 3.0) -> float:
     """Items a second that so many processes compute without a batch around them: what this machine can give."""
     code = f"""
 import sys, time
@@ -146,19 +150,22 @@ print(count, flush=True)
     return count / seconds
 
 
-def machine() -> str:
-    with tempfile.TemporaryDirectory() as name:
-        photos(Path(name), 8)
-        one, two = bare(Path(name), 1), bare(Path(name), 2)
-        return f"{one:.1f}/s by one process, {two:.1f}/s by two, {two / one:.2f} times"
-
-
 def batch() -> str:
+    rates: dict[tuple[str, int], list[float]] = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         photos(folder, PHOTOS)
-        one, two = (batch_of(folder, "--workers", count, "--threads", "1") for count in "12")
-        return f"{one:.1f}/s by one process, {two:.1f}/s by two, {two / one:.2f} times"
+        for _ in range(ROUNDS_OF_BATCHES):
+            for count in (1, 2):
+                made = batch_of(folder, "--workers", str(count), "--threads", "1")
+                rates.setdefault(("batch", count), []).append(made)
+                rates.setdefault(("bare", count), []).append(bare(folder, count))
+    found = {key: statistics.median(each) for key, each in rates.items()}
+    told = [
+        f"{found[kind, 1]:.1f}/s by one, {found[kind, 2]:.1f}/s by two, {found[kind, 2] / found[kind, 1]:.2f} times"
+        for kind in ("batch", "bare")
+    ]
+    return f"{told[0]}; bare processes {told[1]}"
 
 
 def loopback() -> str:
@@ -172,47 +179,46 @@ def loopback() -> str:
 
 
 def dask() -> str:
+    """The same items by two processes here and by a cluster of two, by turns."""
     from lichen_batch.cluster import DaskEngine
-    from lichen_batch.hands import Limits
-    from lichen_batch.item import Item
+    from lichen_batch.hands import Limits, LocalEngine
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        photos(folder, 8, 720, 960)
-        engine = DaskEngine("", 2, Limits())
+        photos(folder, 8, 560, 760)
+        engines: list[Engine] = [LocalEngine(2, Limits()), DaskEngine("", 2, Limits())]
+        taken: list[list[float]] = [[], []]
+        work: list[float] = []
         try:
-
-            def items(count: int) -> list[Item]:
-                return [
-                    Item(
-                        str(at),
-                        "gaussian",
-                        None,
-                        {"image": str(folder / f"{at % 8}.jpg")},
-                        {"result": str(folder / f"made-{at}.jpg")},
-                        {"result": "jpeg"},
-                        {"sigma": 5 + at / 1000},
-                    )
-                    for at in range(count)
-                ]
-
-            for each in [engine.submit(item) for item in items(16)]:
-                each.result()
-            began = time.monotonic()
-            waiting, outcomes = [], []
-            for item in items(8 if quick() else 80):
-                waiting.append(engine.submit(item))
-                if len(waiting) >= engine.capacity:
-                    outcomes.append(waiting.pop(0).result())
-            outcomes += [each.result() for each in waiting]
-            took = time.monotonic() - began
+            for number in range(1 + ROUNDS_OF_BATCHES):  # the first warms up
+                for engine, seconds in zip(engines, taken, strict=True):
+                    took, outcomes = _done(engine, folder, 8 if quick() or not number else 80, number)
+                    if number:
+                        seconds.append(took / len(outcomes))
+                        work += [
+                            sum(taken for stage, taken in each.seconds.items() if "." not in stage) for each in outcomes
+                        ]
         finally:
-            engine.end()
-        work = sum(sum(value for stage, value in each.seconds.items() if "." not in stage) for each in outcomes)
-        return (
-            f"{len(outcomes)} items of {work / len(outcomes) * 1e3:.0f} ms in {took:.2f} s; "
-            f"{took / (work / 2) - 1:.1%} beside the work itself"
-        )
+            for engine in engines:
+                engine.end()
+    here, there = (statistics.median(each) for each in taken)
+    return f"items of {statistics.mean(work) * 1e3:.0f} ms: {there / here - 1:.1%} longer than by two processes here"
+
+
+def _done(engine: Engine, folder: Path, count: int, number: int) -> tuple[float, list[Outcome]]:
+    """Seconds that so many items take, and what came of them."""
+    from lichen_batch.item import Item
+
+    began = time.monotonic()
+    waiting, outcomes = [], []
+    for at in range(count):
+        places = {"image": str(folder / f"{at % 8}.jpg")}, {"result": str(folder / f"made-{at}.jpg")}
+        values = {"sigma": 5 + at / 1000 + number / 10}
+        waiting.append(engine.submit(Item(str(at), "gaussian", None, *places, {"result": "jpeg"}, values)))
+        if len(waiting) >= engine.capacity:
+            outcomes.append(waiting.pop(0).result())
+    outcomes += [each.result() for each in waiting]
+    return time.monotonic() - began, outcomes
 
 
 def tiles() -> str:
@@ -238,7 +244,6 @@ def tiles() -> str:
 FIGURES: dict[str, Callable[[], str]] = {
     "import lichen_client": imports,
     "an array of 1 MB there and back": client,
-    "photos without a batch, a thread each": machine,
     f"{PHOTOS} photos in a batch, a thread each": batch,
     f"{PHOTOS} photos over loopback": loopback,
     "a Dask cluster of two workers": dask,

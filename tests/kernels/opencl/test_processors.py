@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lichen.opencl.processors import cgroup_quota, processors, vector_width
+from lichen.processors import LIMIT, cgroup_quota, processors, threads, vector_width
 
 
 def write(folder: Path, **files: str) -> None:
@@ -42,3 +42,10 @@ def test_no_quota(tmp_path: Path) -> None:
 def test_this_machine() -> None:
     assert 1 <= processors() <= (os.cpu_count() or 1)
     assert vector_width() in (4, 8, 16)
+
+
+def test_a_process_that_shares_them_takes_its_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lichen.processors.processors", lambda: 8)
+    for said, taken in (("", 8), ("3", 3), ("20", 8), ("0", 1), ("all", 8)):
+        monkeypatch.setenv(LIMIT, said)
+        assert threads() == taken

@@ -13,9 +13,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from lichen.memory import Array, aligned, aligned_empty
-from lichen.opencl.processors import processors
 from lichen.operations.tone.curves import PQ_C3, PQ_LIMIT, PQ_M1, PQ_M2, PQ_Q, Form, pq_ceiling_signal
 from lichen.operations.tone.tables import Table
+from lichen.processors import threads
 
 BLOCK = 1 << 14
 """samples; a block and its scratch fit in the second-level cache"""
@@ -42,7 +42,7 @@ def evaluate(pixels: Array, form: Form, *, clamped: bool, table: Table | None = 
     if len(starts) == 1:
         share(0)
     else:
-        with ThreadPoolExecutor(min(processors(), len(starts))) as pool:
+        with ThreadPoolExecutor(min(threads(), len(starts))) as pool:
             for _ in pool.map(share, starts):
                 pass
     return out

@@ -11,6 +11,8 @@ import os
 import platform
 from pathlib import Path
 
+LIMIT = "LICHEN_PROCESSORS"
+"""Environment variable: how many of them this process may use, set where several processes share them."""
 _CGROUPS = Path("/sys/fs/cgroup")
 
 
@@ -19,6 +21,12 @@ def processors() -> int:
     available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     quota = cgroup_quota()
     return max(1, available if quota is None else min(available, math.ceil(quota)))
+
+
+def threads() -> int:
+    """Threads that kernels and codecs of this process run on: one for each processor that is left to it."""
+    said = os.environ.get(LIMIT, "")
+    return min(processors(), max(int(said), 1)) if said.isdigit() else processors()
 
 
 def cgroup_quota(root: Path = _CGROUPS, membership: Path = Path("/proc/self/cgroup")) -> float | None:
