@@ -41,7 +41,7 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.tone.pieces import Pieces, Points, tabulated, through
-from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned
+from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned, within
 from lichen.stage import Stage
 
 if TYPE_CHECKING:
@@ -106,11 +106,10 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
 
 
 def _identity(p: Parameters, facts: InputFacts) -> str | None:
-    extent = facts["image"].extent
     if any(x != y for x, y in p.points):
         return None
-    inside = p.points[0][0] <= extent.low and extent.high <= p.points[-1][0] and not extent.nonfinite
-    return "every point lies on y = x" if inside or p.beyond is Beyond.EXTEND else None
+    same = p.beyond is Beyond.EXTEND or within(facts["image"], p.points[0][0], p.points[-1][0])
+    return "every point lies on y = x" if same else None
 
 
 def _reach(p: Parameters, facts: Facts) -> float:

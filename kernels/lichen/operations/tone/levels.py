@@ -44,7 +44,7 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.colour.affine import Affine, Scaling
-from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned
+from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned, within
 from lichen.stage import Stage
 
 if TYPE_CHECKING:
@@ -136,16 +136,24 @@ def _identity(p: Parameters, facts: InputFacts) -> str | None:
     image = facts["image"]
     colours = image.channels - (image.alpha is not Alpha.NONE)
     same = all(c == Channel(0.0, 1.0, 1.0, 0.0, 1.0) for c in channels(p, colours))
-    inside = image.extent.low >= 0 and image.extent.high <= 1 and not image.extent.nonfinite
-    return "every level is where it was" if same and (inside or not p.clamp) else None
+    return "every level is where it was" if same and (not p.clamp or within(image, 0, 1)) else None
 
 
 def _departure(p: Parameters, facts: InputFacts) -> dict[str, float]:
-    """At an end or a corner of the broken line, where it is one; straight colour counts times a coverage up to 1."""
+    """At an end or a corner of the broken line, where it is one. Straight colour counts as it shows, times its
+    coverage w: of a line, at an end of w and of what shows; what is cut off a broken one shows by any amount."""
     image = facts["image"]
     low, high = image.extent.low, image.extent.high
-    if _curved(p) or (image.alpha is not Alpha.NONE and not 0 <= low <= high <= 1):
+    if _curved(p):
         return {}
+    if image.alpha is not Alpha.NONE:
+        if p.clamp or not 0 <= low <= high <= 1:
+            return {}
+        lines = [
+            (c.low + c.share(0.0) * (c.high - c.low), (c.high - c.low) / (c.white - c.black) - 1)
+            for c in channels(p, _colours(image))
+        ]
+        return {"image": max(abs(w * bias + slope * x) for bias, slope in lines for w in (0, 1) for x in (0.0, high))}
     most = 0.0
     for channel in channels(p, _colours(image)):
         corners = [x for x in (channel.black, channel.white) if p.clamp and low < x < high]

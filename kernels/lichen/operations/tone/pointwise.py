@@ -66,6 +66,16 @@ def carried(facts: Facts, magnitude: float, modulus: Callable[[float], float], e
     return max(modulus(error), error)
 
 
+def within(facts: Facts, low: float, high: float) -> bool:
+    """Whether every colour is known to lie in [low, high].
+
+    It is not where there is coverage: colour seen through little of it may be any number, since the range of a picture
+    that coverage was divided out of tells how bright it shows.
+    """
+    extent = facts.extent
+    return facts.alpha is Alpha.NONE and low <= extent.low and extent.high <= high and not extent.nonfinite
+
+
 def spanned(facts: Facts, low: float, high: float, slack: float, *, nonfinite: int | None = None) -> Extent:
     """The extent of a result whose colour lies in [low, high] give or take `slack`, beside coverage."""
     low, high = low - slack, high + slack

@@ -43,7 +43,7 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.tone.operators import HILL, HILL_INTO, HILL_OUT_OF, Operator, hill, rational, steepest
-from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned
+from lichen.operations.tone.pointwise import FLOAT_MAX, blockwise, carried, launch_flat, spanned, within
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -102,10 +102,8 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
 
 
 def _identity(p: Parameters, facts: InputFacts) -> str | None:
-    extent = facts["image"].extent
-    inside = extent.low >= 0 and extent.high <= 1 and not extent.nonfinite
     plain = p.operator is Operator.EXPOSURE and p.exposure == 0
-    return "the exposure is 0" if plain and (inside or not p.clamp) else None
+    return "the exposure is 0" if plain and (not p.clamp or within(facts["image"], 0, 1)) else None
 
 
 def _far(p: Parameters, facts: Facts) -> float:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from skimage import exposure
 
 import lichen
+from lichen.catalogue import operation
 from lichen.errors import InvalidRequest
 from lichen.image import Alpha, Image
 from lichen.operation import Facts
@@ -74,3 +77,26 @@ def test_identity_is_found() -> None:
     assert levels.identity(levels.validate({"clamp": True}), {"image": Facts(4, 4, 3)})
     wide = Facts.of(Image(NOISE * 3))
     assert not levels.identity(levels.validate({"clamp": True}), {"image": wide})
+
+
+@pytest.mark.parametrize("alpha", [Alpha.STRAIGHT, Alpha.ASSOCIATED])
+@pytest.mark.parametrize("name", ["levels", "curve", "tone_map"])
+def test_what_limits_colour_does_something_under_coverage(name: str, alpha: Alpha) -> None:
+    """A picture no brighter than 1 may be made of any colour under little coverage."""
+    limiting: dict[str, Any] = {"levels": {"clamp": True}, "curve": {}, "tone_map": {"operator": "exposure"}}[name]
+    chosen, covered = operation(name), {"image": Facts(4, 4, 4, alpha=alpha)}
+    parameters = chosen.validate(limiting)
+    assert chosen.identity(parameters, {"image": Facts(4, 4, 3)})
+    assert not chosen.identity(parameters, covered)
+    assert not chosen.departure(parameters, covered)
+
+
+def test_a_line_departs_from_colour_under_little_coverage_by_no_more_than_it_says() -> None:
+    rng = np.random.default_rng(8)
+    coverage = rng.uniform(0.01, 1, (20, 500, 1))
+    pixels = np.concatenate([rng.uniform(0, 1, (20, 500, 3)) / coverage, coverage], axis=-1)  # shows as 0 to 1
+    parameters = levels.validate({"out_black": 0.1, "out_white": 0.9})
+    made = levels.evaluate_truth({"image": Image(pixels, alpha=Alpha.STRAIGHT)}, parameters)
+    apart = np.abs((made - pixels)[..., :3] * coverage).max()
+    stated = levels.departure(parameters, {"image": Facts(20, 500, 4, alpha=Alpha.STRAIGHT)})["image"]
+    assert 0.9 * stated <= apart <= stated * (1 + 1e-12)
