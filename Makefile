@@ -57,7 +57,7 @@ format: $(VENV)/.development ## bring the source into the house style
 fuzz: $(VENV)/.development ## hold errors to DRAWS images, plans to PIPELINES, HTTP to INPUTS, OpenAPI to CASES a path
 	@LICHEN_INPUTS=$(INPUTS) $(BIN)/python -m pytest tests/service/http/test_differential.py
 	@LICHEN_CASES=$(CASES) $(BIN)/python -m pytest tests/service/test_contract.py
-	@LICHEN_PIPELINES=$(PIPELINES) $(BIN)/python -m pytest tests/kernels/planning/test_metamorphic.py
+	@$(BIN)/python tests/kernels/planning/plan_fuzz.py --cases $(PIPELINES)
 	@LICHEN_DRAWS=$(DRAWS) $(BIN)/python -m pytest tests/kernels/accuracy/test_bounds.py $(ARGS)
 
 soak: $(VENV)/.development ## serve for SECONDS, resting PAUSE between requests, and show that memory, threads and files stay what they were
