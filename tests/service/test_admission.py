@@ -78,6 +78,17 @@ def test_what_would_take_far_too_long_is_not_begun(call: Caller, monkeypatch: py
     assert 0 < problem["limit"] <= call.settings.request_timeout
 
 
+def test_a_pipeline_that_takes_too_long_to_plan_is_not_planned(
+    call: Caller, png: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = {"pipeline": "|".join(f"levels:gamma=1.{step}" for step in range(1, 10)), "explain": "true"}
+    assert call("POST", "/v1/pipelines", png, query=[*said.items()]).status == 200
+    monkeypatch.setattr("lichen.planning.plan.PLANNING", 1e3)
+    monkeypatch.setattr("lichen.engine.prepare_pipeline", None)
+    problem = problem_of(call("POST", "/v1/pipelines", png, query=[*said.items()]), 422, "too-costly")
+    assert problem["actual"] == 9e3
+
+
 def test_work_ends_before_the_next_stage_when_nobody_waits(service: Service, png: bytes) -> None:
     began: list[str] = []
 

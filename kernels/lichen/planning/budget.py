@@ -47,7 +47,10 @@ class Problem:
 
     def excess(self, choices: Choices, measure: Measure) -> float:
         """The largest share of what is allowed that an output uses up; beyond 1 the choice is not good enough."""
-        found = errors(self.graph, self.facts, choices)
+        return self.used(errors(self.graph, self.facts, choices), measure)
+
+    def used(self, found: Mapping[str, Error], measure: Measure) -> float:
+        """As `excess`, by the errors of the outputs."""
         return max(share(measure(error), self.targets[name]) for name, error in found.items())
 
     def error(self, choices: Choices) -> Error:

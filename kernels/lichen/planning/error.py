@@ -21,13 +21,41 @@ Choices = Mapping[str, Candidate]
 
 def errors(graph: Graph, facts: Mapping[str, Facts], choices: Choices) -> dict[str, Error]:
     """Predicted error of every output, with every node by its choice."""
-    lossless = graph.precision.lossless
+    return delivered(graph, reaching(graph, facts, choices))
+
+
+def reaching(graph: Graph, facts: Mapping[str, Facts], choices: Choices) -> dict[str, Error]:
+    """Predicted error of every value."""
     reached = {name: _kept(EXACT, known, graph.precision, source=True) for name, known in graph.sources.items()}
     for node in graph.nodes:
-        own = choices[node.name].error
-        made = _made(node, own, facts, reached)
-        reached[node.name] = made if lossless else _kept(made, facts[node.name], graph.precision, own.rounding)
+        reached[node.name] = _reached(graph, node, choices[node.name].error, facts, reached)
+    return reached
+
+
+def reaching_with(
+    graph: Graph, facts: Mapping[str, Facts], choices: Choices, reached: Mapping[str, Error], name: str, error: Error
+) -> dict[str, Error]:
+    """`reached` with another error of the method of one node: only what reads what it changes is looked at."""
+    found, changed = dict(reached), {name}
+    for node in graph.nodes[graph.place(name) :]:
+        if node.name != name and changed.isdisjoint(node.inputs.values()):
+            continue
+        own = error if node.name == name else choices[node.name].error
+        made = _reached(graph, node, own, facts, found)
+        if made != reached[node.name]:
+            found[node.name] = made
+            changed.add(node.name)
+    return found
+
+
+def delivered(graph: Graph, reached: Mapping[str, Error]) -> dict[str, Error]:
+    """Of every output."""
     return {name: _off(reached[each.source], each.inherited) for name, each in graph.outputs.items()}
+
+
+def _reached(graph: Graph, node: Node, own: Error, facts: Mapping[str, Facts], reached: Mapping[str, Error]) -> Error:
+    made = _made(node, own, facts, reached)
+    return made if graph.precision.lossless else _kept(made, facts[node.name], graph.precision, own.rounding)
 
 
 def total_error(graph: Graph, facts: Mapping[str, Facts], choices: Choices) -> Error:

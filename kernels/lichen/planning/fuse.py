@@ -9,12 +9,14 @@ numbers are its argument, so that pipelines of one shape share a program.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
+from itertools import islice
 
 from lichen.accuracy.precision import Precision
 from lichen.image import Alpha
 from lichen.operation import Facts
 from lichen.planning.budget import Problem
 from lichen.planning.choose import measures, target_error
+from lichen.planning.error import delivered, reaching, reaching_with
 from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
 from lichen.stage import Stage
 
@@ -22,6 +24,8 @@ CHANNELS = (3, 4)
 """Of pictures whose pixels are taken apart into vectors quickly."""
 LONGEST = 16
 """Stages of one kernel."""
+TRIED = 1 << 16
+"""Steps whose error is carried anew in the search for further links, about; 0.2 s."""
 MOVED = {"start": 2e-4, "step": 1.5e-10}
 """Seconds that a launch takes and that a sample takes on its way from memory and back: what a link saves."""
 
@@ -73,18 +77,24 @@ def _linked(
     choices = {node.name: node.choice for node in graph.nodes if node.choice is not None}
     targets = {name: target_error(facts[each.source], each, request) for name, each in graph.outputs.items()}
     problem = Problem(graph, facts, request, {}, targets, measures(request))
-    kept = [measure for _, measure in problem.measures if problem.excess(choices, measure) <= 1][:1]
+    reached = reaching(graph, facts, choices)
+    kept = [each for _, each in problem.measures if problem.used(delivered(graph, reached), each) <= 1][:1]
     taken: dict[str, Candidate] = {}
-    for name, offers in offered.items():
-        for offer in offers:
-            trial = {**choices, **taken, name: offer}
-            if all(problem.excess(trial, measure) <= 1 for measure in kept):
-                taken[name] = offer
-                break
+    for name, offer in islice(((name, offer) for name, offers in offered.items() for offer in offers), _most(graph)):
+        if name in taken:
+            continue
+        found = reaching_with(graph, facts, choices, reached, name, offer.error)
+        if all(problem.used(delivered(graph, found), measure) <= 1 for measure in kept):
+            reached, taken[name], choices[name] = found, offer, offer
     if not taken:
         return graph, {}
     nodes = (node.chosen(taken[node.name], node.alternatives) if node.name in taken else node for node in graph.nodes)
     return graph.replace(nodes=tuple(nodes)), taken
+
+
+def _most(graph: Graph) -> int:
+    """How many candidates are tried in a graph of so many nodes."""
+    return max(TRIED // max(len(graph.nodes), 1), 1)
 
 
 def _stages_among(node: Node, facts: Mapping[str, Facts]) -> list[Candidate]:

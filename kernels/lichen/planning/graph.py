@@ -149,11 +149,16 @@ class Node:
 
     def about(self, facts: Mapping[str, Facts]) -> predict.About:
         """What its operation says of itself, given these facts of all values."""
-        known = tuple([facts[source] for source in self.inputs.values()])
         if self.memo:
             parameters, found = self.memo[0]
-            if parameters is self.parameters and found.known == known:
-                return found
+            if parameters is self.parameters:
+                for source, then in zip(self.inputs.values(), found.known, strict=True):
+                    now = facts[source]
+                    if now is not then and now != then:
+                        break
+                else:
+                    return found
+        known = tuple([facts[source] for source in self.inputs.values()])
         found = predict.about((self.operation, self.parameters, tuple(self.inputs), known))
         self.memo[:] = [(self.parameters, found)]
         return found
@@ -262,6 +267,8 @@ class Graph:
         default_factory=list, compare=False, repr=False
     )
     """what `facts` found last, handed on to the graphs that are made of this one"""
+    places: list[tuple[object, dict[str, int]]] = field(default_factory=list, compare=False, repr=False)
+    """where nodes are by their names, as `place` found last"""
 
     @classmethod
     def of(cls, sources: Mapping[str, Facts], nodes: Iterable[Node], output: str, **further: Any) -> Graph:
@@ -302,7 +309,17 @@ class Graph:
         return node
 
     def node(self, name: str) -> Node | None:
-        return next((node for node in self.nodes if node.name == name), None)
+        at = self._places().get(name)
+        return None if at is None else self.nodes[at]
+
+    def place(self, name: str) -> int:
+        """Which of the nodes is called so, which there is."""
+        return self._places()[name]
+
+    def _places(self) -> dict[str, int]:
+        if not self.places or self.places[0][0] is not self.nodes:
+            self.places[:] = [(self.nodes, {node.name: at for at, node in enumerate(self.nodes)})]
+        return self.places[0][1]
 
     def replace(self, **changes: Any) -> Graph:
         return dataclasses.replace(self, **changes)

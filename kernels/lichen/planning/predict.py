@@ -128,7 +128,7 @@ class About:
         return self.operation.link(self.parameters, self.facts)
 
 
-MOST_ERRORS = 64
+MOST_ERRORS = 256
 """That are carried through one operation and remembered."""
 
 

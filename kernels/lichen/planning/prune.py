@@ -11,6 +11,7 @@ What an operation finds in pictures it returns unchanged is still reported: such
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 
 from lichen.catalogue import operation
 from lichen.image import Space
@@ -27,7 +28,7 @@ def unread(graph: Graph, request: Request) -> Graph:
     facts = graph.facts()
     names = {node.name for node in dropped}
     return graph.replace(nodes=tuple(node for node in graph.nodes if node.name not in names)).deciding(
-        Decision("unread", node.name, "dropped", "nothing reads its result", saved=cost(node, facts, request))
+        Decision("unread", node.name, "dropped", "nothing reads its result", saved=partial(cost, node, facts, request))
         for node in dropped
     )
 
@@ -44,7 +45,7 @@ def shared(graph: Graph, request: Request) -> Graph:
             continue
         facts = facts or graph.facts()
         moved[node.name] = Moved(first[same])
-        reason, saved = f"{first[same]} computes the same", cost(node, facts, request)
+        reason, saved = f"{first[same]} computes the same", partial(cost, node, facts, request)
         decisions.append(Decision("shared", node.name, "dropped", reason, saved=saved))
     return graph.reading(moved).deciding(decisions)
 
@@ -71,7 +72,7 @@ def identity(graph: Graph, request: Request) -> Graph:
         assert source is not None, "only nodes that read something return their first input"
         moved[node.name] = Moved(moved[source].source if source in moved else source)
         decisions.append(
-            Decision("identity", node.name, "dropped", reason, saved=cost(node, facts, request)),
+            Decision("identity", node.name, "dropped", reason, saved=partial(cost, node, facts, request)),
         )
         if node.operation.finds:
             observers.append(node)
@@ -141,7 +142,7 @@ def swept(before: Graph, graph: Graph, request: Request, cause: str, undone: Ite
         why.setdefault(first, f"{second} undoes it")
     return graph.replace(nodes=tuple(kept)).deciding(
         Decision(cause, node.name, "dropped", why.get(node.name, "nothing reads its result any more"),
-                 saved=cost(node, facts, request))
+                 saved=partial(cost, node, facts, request))
         for node in gone
     )  # fmt: skip
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from functools import partial
 
 from lichen.errors import Unattainable
 from lichen.operation import Facts
@@ -38,7 +39,9 @@ def settle(graph: Graph, request: Request) -> Graph:
         bound = effect(graph, facts, node.name, choice.error.value)
         apart = f"differs from its {choice.passes} by {choice.error.value:.3g} at most"
         reason = apart if choice.error.value else f"returns its {choice.passes} as it is"
-        decisions.append(Decision("invisible", node.name, "dropped", reason, bound, cost(node, facts, request)))
+        decisions.append(
+            Decision("invisible", node.name, "dropped", reason, bound, partial(cost, node, facts, request))
+        )
     if not moved:
         return graph
     left = graph.reading(moved).deciding(decisions)
@@ -62,9 +65,12 @@ def _seconds(graph: Graph) -> float:
 def effect(graph: Graph, facts: Mapping[str, Facts], name: str, change: float) -> float:
     """The largest change of any output when the value called `name` changes by at most `change`."""
     reached = {name: change}
-    for node in graph.nodes:
-        arriving = max((reached.get(source, 0.0) for source in node.inputs.values()), default=0.0)
-        if arriving and node.name != name:
+    for node in graph.nodes[graph.place(name) + 1 :]:
+        arriving = 0.0
+        for source in node.inputs.values():
+            if source in reached:
+                arriving = max(arriving, reached[source])
+        if arriving:
             reached[node.name] = node.carried(facts, arriving)
     return max(reached.get(output.source, 0.0) for output in graph.outputs.values())
 

@@ -7,66 +7,129 @@ the error and the time of the whole plan against what the request asks for.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from lichen.operation import Error, Facts
 from lichen.planning.budget import share
 from lichen.planning.choose import measures, target_error
-from lichen.planning.error import Choices, errors, total_error, total_seconds
+from lichen.planning.error import Choices, delivered, reaching, reaching_with, total_seconds
 from lichen.planning.graph import Candidate, Graph, Node, Request
+
+MOST = 1 << 14
+"""Steps whose error is carried anew, of some 0.1 ms each: the candidates of 60 blurs and levels in a row are about
+so many. Where trying each takes more, they are not tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """A planned graph, with what is the same for all candidates that are judged in it."""
+
+    graph: Graph
+    request: Request
+
+    @cached_property
+    def facts(self) -> Mapping[str, Facts]:
+        return self.graph.facts()
+
+    @cached_property
+    def choices(self) -> Choices:
+        return {node.name: node.choice for node in self.graph.nodes if node.choice is not None}
+
+    @cached_property
+    def reached(self) -> Mapping[str, Error]:
+        return reaching(self.graph, self.facts, self.choices)
+
+    @cached_property
+    def targets(self) -> Mapping[str, float]:
+        outputs = self.graph.outputs.items()
+        return {name: target_error(self.facts[each.source], each, self.request) for name, each in outputs}
+
+    @cached_property
+    def seconds(self) -> float:
+        return total_seconds(self.graph, self.choices)
+
+    @cached_property
+    def crowded(self) -> bool:
+        """Whether there are too many candidates to try each."""
+        return len(self.graph.nodes) * sum(len(node.alternatives) for node in self.graph.nodes) > 2 * MOST
+
+    @cached_property
+    def governing(self) -> tuple[str, Callable[[Error], float]] | None:
+        """The error by which the choice was made: the first of them by which what was chosen is good enough."""
+        for name, value in measures(self.request):
+            found, target = self.tightest(self.reached, value)
+            if found <= target:
+                return name, value
+        return None
+
+    def tightest(self, reached: Mapping[str, Error], value: Callable[[Error], float]) -> tuple[float, float]:
+        """The error and the target of the output that uses up most of what it is allowed."""
+        pairs = [(value(error), self.targets[name]) for name, error in delivered(self.graph, reached).items()]
+        return max(pairs, key=lambda pair: share(*pair))
 
 
 def verdicts(graph: Graph, request: Request, node: Node) -> list[str]:
     """One for each alternative of a node of a planned graph, in their order."""
-    taken = node.choice
-    if taken is None:
-        return ["not considered"] * len(node.alternatives)
-    judge = _Judge(graph, request, node, taken)
-    return [judge.verdict(offer) for offer in node.alternatives]
+    return [said for said, _ in judged(Setting(graph, request), node)]
 
 
 def outcomes(graph: Graph, request: Request, node: Node) -> list[Error | None]:
-    """For each alternative of a node the error that the result would have with it, other nodes and conversions between
-    them included; None where it cannot be taken."""
+    """As `judged` has them."""
+    return [outcome for _, outcome in judged(Setting(graph, request), node)]
+
+
+def judged(setting: Setting, node: Node) -> list[tuple[str, Error | None]]:
+    """For each alternative of a node why it was taken or was not, and the error that the result would have with it,
+    other nodes and conversions between them included; None where it cannot be taken, or was not tried."""
     taken = node.choice
     if taken is None:
-        return [None] * len(node.alternatives)
-    judge = _Judge(graph, request, node, taken)
-    return [None if offer.unfit is not None else judge.error(offer) for offer in node.alternatives]
+        return [("not considered", None)] * len(node.alternatives)
+    judge = _Judge(setting, node, taken)
+    return [(judge.verdict(each), None if judge.untried(each) else judge.error(each)) for each in node.alternatives]
 
 
 @dataclass(frozen=True, eq=False)
 class _Judge:
-    graph: Graph
-    request: Request
+    setting: Setting
     node: Node
     taken: Candidate
+    _tried: dict[int, Mapping[str, Error]] = field(default_factory=dict)
+
+    def untried(self, offer: Candidate) -> bool:
+        return offer.unfit is not None or (self.setting.crowded and not self._same(offer))
+
+    def _same(self, offer: Candidate) -> bool:
+        return (offer.method, offer.knob) == (self.taken.method, self.taken.knob)
 
     def verdict(self, offer: Candidate) -> str:
         if offer.unfit is not None:
             return f"not possible: {offer.unfit}"
-        if (offer.method, offer.knob) == (self.taken.method, self.taken.knob):
+        if self._same(offer):
             return "taken"
-        return self._timed(offer) if self.request.max_ms is not None else self._accurate(offer)
-
-    @cached_property
-    def _choices(self) -> Choices:
-        return {node.name: node.choice for node in self.graph.nodes if node.choice is not None}
+        if self.setting.crowded:
+            count = len(self.setting.graph.nodes)
+            return f"not tried: {count} {'step has' if count == 1 else 'steps have'} too many candidates to try each"
+        return self._timed(offer) if self.setting.request.max_ms is not None else self._accurate(offer)
 
     def error(self, offer: Candidate) -> Error:
-        return total_error(self.graph, self._facts, {**self._choices, self.node.name: offer})
+        return max(delivered(self.setting.graph, self._reached(offer)).values(), key=lambda error: error.value)
+
+    def _reached(self, offer: Candidate) -> Mapping[str, Error]:
+        """The errors of all values with a candidate in place of what was taken."""
+        if id(offer) not in self._tried:
+            setting = self.setting
+            self._tried[id(offer)] = reaching_with(
+                setting.graph, setting.facts, setting.choices, setting.reached, self.node.name, offer.error
+            )
+        return self._tried[id(offer)]
 
     def _seconds(self, offer: Candidate) -> float:
-        return total_seconds(self.graph, {**self._choices, self.node.name: offer})
-
-    @cached_property
-    def _facts(self) -> Mapping[str, Facts]:
-        return self.graph.facts()
+        return self.setting.seconds - self.taken.seconds + offer.seconds
 
     def _timed(self, offer: Candidate) -> str:
         """Where time is asked for: the most accurate that fits, or with an error the fastest within both."""
-        limit, error = (self.request.max_ms or 0.0) / 1e3, self.request.max_error
+        limit, error = (self.setting.request.max_ms or 0.0) / 1e3, self.setting.request.max_error
         if self._seconds(offer) > limit:
             return f"too slow: {_ms(self._seconds(offer))} of {_ms(limit)} allowed"
         if error is None:
@@ -77,34 +140,15 @@ class _Judge:
 
     def _accurate(self, offer: Candidate) -> str:
         """Where an error is asked for, or none at all: the fastest whose error is small enough."""
-        measure = self._governing()
+        measure = self.setting.governing
         if measure is None:
-            return f"no setting promises {min(self._targets.values()):.3g}; {self._customary(offer)}"
+            return f"no setting promises {min(self.setting.targets.values()):.3g}; {self._customary(offer)}"
         name, value = measure
-        found, target = self._tightest(offer, value)
+        found, target = self.setting.tightest(self._reached(offer), value)
         if found > target:
-            asked = "asked" if self.request.max_error is not None else "a quarter of the output's quantum is"
+            asked = "asked" if self.setting.request.max_error is not None else "a quarter of the output's quantum is"
             return f"not accurate enough: {name} of {found:.3g}, {asked} {target:.3g}"
         return f"accurate enough, but {self._slower(offer)}"
-
-    def _governing(self) -> tuple[str, Callable[[Error], float]] | None:
-        """The error by which the choice was made: the first of them by which the taken candidate is good enough."""
-        for name, value in measures(self.request):
-            found, target = self._tightest(self.taken, value)
-            if found <= target:
-                return name, value
-        return None
-
-    def _tightest(self, offer: Candidate, value: Callable[[Error], float]) -> tuple[float, float]:
-        """The error and the target of the output that uses up most of what it is allowed."""
-        found = errors(self.graph, self._facts, {**self._choices, self.node.name: offer})
-        pairs = [(value(error), self._targets[name]) for name, error in found.items()]
-        return max(pairs, key=lambda pair: share(*pair))
-
-    @cached_property
-    def _targets(self) -> Mapping[str, float]:
-        outputs = self.graph.outputs.items()
-        return {name: target_error(self._facts[each.source], each, self.request) for name, each in outputs}
 
     def _customary(self, offer: Candidate) -> str:
         """Where nothing meets the target the operation's customary setting is taken, if it declares one."""
@@ -119,7 +163,7 @@ class _Judge:
         if apart > 0:
             return f"slower by {_ms(apart)}"
         if apart < 0:  # a step of a kernel saves more than it costs; and searches are bounded
-            chained = any(self.node.name in chain for chain in self.graph.fused)
+            chained = any(self.node.name in chain for chain in self.setting.graph.fused)
             return f"{_ms(-apart)} quicker {'alone, and no step of its kernel' if chained else 'and not found'}"
         return "no faster" if offer.error.value == self.taken.error.value else "no faster, and less accurate"
 

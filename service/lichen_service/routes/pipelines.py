@@ -24,6 +24,7 @@ from lichen.image import Alpha, Image, Space, Storage
 from lichen.operation import Facts
 from lichen.order import read_pipeline_order
 from lichen.planning.pipeline import Pipeline, escaped, nodes_of, read
+from lichen.planning.plan import planning_seconds
 from lichen_service import mixed, queries, strict_json, uploads
 from lichen_service.assets import is_id
 from lichen_service.documents import canonical, content_digest, matches, momentary
@@ -84,6 +85,7 @@ class Pipelines:
         with relocated():
             deliveries = _deliveries(told, options, request.head, given, images, self._settings)
             wishes = wishes_of(options, self._settings)
+            stages.afford(planning_seconds(len(pipeline.steps)))
             with stages.stage("plan"):
                 prepared = told.prepare(deliveries, images, wishes)
             if options.explain:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import lichen
+from lichen.engine import prepare_pipeline
+from lichen.planning.error import total_error
 from lichen.planning.graph import Candidate
 from lichen.planning.plan import Plan
 from lichen.planning.predict import Told
@@ -106,3 +108,41 @@ def test_ties_are_no_slower(seconds: float, error: float, said: str) -> None:
     )
     changed: Any = dataclasses.replace(node, alternatives=(taken, beside))
     assert verdicts(plan.graph, plan.request, changed) == ["taken", said]
+
+
+BRANCHES = {
+    "nodes": {
+        "soft": {"operation": "gaussian", "parameters": {"sigma": 2}, "inputs": {"image": "input.image"}},
+        "dark": {"operation": "levels", "parameters": {"gamma": 0.7}, "inputs": {"image": "soft"}},
+        "laid": {"operation": "composite", "parameters": {"opacity": 0.5}, "inputs": {"image": "dark", "base": "soft"}},
+        "bent": {"operation": "rotate", "parameters": {"angle": 7}, "inputs": {"image": "laid"}},
+    },
+    "outputs": {"a": {"node": "bent"}, "b": {"node": "dark"}},
+}
+
+
+def test_a_candidate_beside_branches_counts_wherever_it_is_read() -> None:
+    picture = lichen.image.Image(IMAGE, lichen.image.Space.SRGB)
+    plan = prepare_pipeline(BRANCHES, images={"image": picture}, max_error=1e-2).plan
+    choices = {node.name: node.choice for node in plan.nodes if node.choice is not None}
+    tried = 0
+    for node in plan.nodes:
+        for offer, outcome in zip(node.alternatives, outcomes(plan.graph, plan.request, node), strict=True):
+            if outcome is not None:
+                assert outcome == total_error(plan.graph, plan.graph.facts(), {**choices, node.name: offer})
+                tried += 1
+    assert tried > len(plan.nodes)
+
+
+def test_where_candidates_are_too_many_they_are_named_and_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = lichen.explain("gaussian", IMAGE, sigma=9)
+    whole = plan.to_json()["nodes"][0]["alternatives"]
+    monkeypatch.setattr("lichen.planning.verdicts.MOST", 1)
+    found = plan.to_json()["nodes"][0]["alternatives"]
+    assert [each | {"verdict": "", "result_error": None} for each in found] == [
+        each | {"verdict": "", "result_error": None} for each in whole
+    ]
+    for before, now in zip(whole, found, strict=True):
+        kept = before["verdict"] == "taken" or before["verdict"].startswith("not possible")
+        assert now == before if kept else now["verdict"].startswith("not tried: 1 step")
+        assert kept or now["result_error"] is None
