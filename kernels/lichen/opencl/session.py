@@ -165,8 +165,8 @@ class Session:
     ) -> None:
         """Enqueue a kernel whose work-items take RUN of so many like steps each, one after the other.
 
-        One step for each on most devices. On a CPU the work-items of a group are a loop around the kernel, in which every
-        private array that stays in memory has as many copies: there each item is a group, and takes many steps.
+        One step for each on most devices. On a CPU the work-items of a group are a loop around the kernel, in which
+        every private array that stays in memory has as many copies: there each item is a group, and takes many steps.
         """
         run = RUN if self._device.is_cpu else 1
         self.launch(
