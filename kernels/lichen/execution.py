@@ -120,7 +120,7 @@ def by_chain(nodes: Sequence[Node], graph: Graph, inputs: Inputs, device: Device
     numbers = aligned(np.array([*(number for stage in stages for number in stage.numbers), 0], np.float32))
     count = image.height * image.width
     with device.session() as session:
-        session.launch(source, "fused", (-(-count // 16),), pixels, session.write(out), numbers, np.int32(count))
+        session.sweep(source, "fused", -(-count // 16), pixels, session.write(out), numbers, np.int32(count))
     return out
 
 

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 LOCAL: Mapping[int, tuple[int, ...]] = MappingProxyType({1: (64,), 2: (64, 1), 3: (64, 1, 1)})
 """Work-group size by number of dimensions, where the caller names none."""
+RUN = 64
+"""Steps of a work-item of `Session.sweep` on a CPU."""
 _abandoned: list[object] = []
 """What a failed device may still be using; dropping it could end the process."""
 _NO_DEFINES: Definitions = MappingProxyType({})
@@ -157,6 +159,20 @@ class Session:
             cl.enqueue_nd_range_kernel(self._queue, built, padded, group)
         except cl.Error as error:
             raise DeviceFailure(f"Kernel {kernel} of {source} could not be launched: {error}") from error
+
+    def sweep(
+        self, source: str, kernel: str, steps: int, /, *arguments: Argument, defines: Definitions = _NO_DEFINES
+    ) -> None:
+        """Enqueue a kernel whose work-items take RUN of so many like steps each, one after the other.
+
+        One step for each on most devices. On a CPU the work-items of a group are a loop around the kernel, in which
+        every private array that stays in memory has as many copies: there each item is a group, and takes many steps.
+        """
+        run = RUN if self._device.is_cpu else 1
+        self.launch(
+            source, kernel, (-(-steps // run),), *arguments,
+            local=(1,) if self._device.is_cpu else None, defines={**defines, "RUN": run},
+        )  # fmt: skip
 
     def finish(self) -> None:
         """Wait for everything launched so far; the host may then read what was written. Other threads run meanwhile."""

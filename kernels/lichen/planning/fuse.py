@@ -139,7 +139,7 @@ def _decision(chain: Sequence[str], facts: Mapping[str, Facts]) -> Decision:
 
 
 def text_of(stages: Sequence[Stage], channels: int, alphas: Sequence[Alpha]) -> str:
-    """The kernel of a chain: `fused(in, out, k, pixels)`, sixteen pixels for each work-item."""
+    """The kernel of a chain: `fused(in, out, k, pixels)`, for `Session.sweep`."""
     lines = [f"#define {name} {channels}" for name in ("IN", "OUT", "READ", "MADE", "CHANNELS")]
     lines.append('#include "colour/planes.clh"')
     for number, (stage, alpha) in enumerate(zip(stages, alphas, strict=True)):
@@ -152,20 +152,19 @@ def text_of(stages: Sequence[Stage], channels: int, alphas: Sequence[Alpha]) -> 
         "kernel void fused(global const float *restrict in, global float *restrict out,",
         "                  global const float *restrict k, int pixels)",
         "{",
-        "    int first = get_global_id(0) * WIDTH;",
-        "    if (first >= pixels)",
-        "        return;",
-        "    int count = min(pixels - first, WIDTH);",
-        "    in += (size_t)first * IN;",
-        "    out += (size_t)first * OUT;",
-        "    float16 v[4];",
-        "    load_planes(in, count, v);",
+        "    int end = run_end(pixels);",
+        "    for (int first = run_start(); first < end; first += WIDTH) {",
+        "        int count = min(end - first, WIDTH);",
+        "        global const float *from = in + (size_t)first * IN;",
+        "        float16 v[4];",
+        "        load_planes(from, count, v);",
     ]
     at = 0
     for number, stage in enumerate(stages):
-        lines.append(f"    stage{number}_stage(v, k + {at});")
+        lines.append(f"        stage{number}_stage(v, k + {at});")
         at += len(stage.numbers)
-    return "\n".join([*lines, "    store_planes(v, in, count, out);", "}"]) + "\n"
+    lines.append("        store_planes(v, from, count, out + (size_t)first * OUT, pixels);")
+    return "\n".join([*lines, "    }", "}"]) + "\n"
 
 
 def _literal(value: int | float | str) -> str:

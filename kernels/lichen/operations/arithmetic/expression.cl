@@ -34,5 +34,5 @@ kernel void evaluate(global const float *restrict a, global const float *restric
 #endif
     LOAD
     RESULTS
-    planes_store(y, out + first * OUT, OUT, count);
+    planes_stream(y, out + first * OUT, OUT, count, pixels);
 }

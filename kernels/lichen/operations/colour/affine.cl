@@ -10,23 +10,22 @@
 kernel void affine(global const float *restrict in, global float *restrict out, global const float *restrict m,
                    int pixels)
 {
-    int first = get_global_id(0) * WIDTH;
-    if (first >= pixels)
-        return;
-    int count = min(pixels - first, WIDTH);
-    in += (size_t)first * IN;
-    out += (size_t)first * OUT;
-    float16 v[4], y[4];
-    load_planes(in, count, v);
-    float16 follows = (float16)(1.0f);
+    int end = run_end(pixels);
+    for (int first = run_start(); first < end; first += WIDTH) {
+        int count = min(end - first, WIDTH);
+        global const float *from = in + (size_t)first * IN;
+        float16 v[4], y[4];
+        load_planes(from, count, v);
+        float16 follows = (float16)(1.0f);
 #if FOLLOWS >= 4
-    float plane[WIDTH];
-    for (int i = 0; i < WIDTH; i++)
-        plane[i] = i < count ? in[i * IN + FOLLOWS] : 0.0f;
-    follows = vload16(0, plane);
+        float plane[WIDTH];
+        for (int i = 0; i < WIDTH; i++)
+            plane[i] = i < count ? from[i * IN + FOLLOWS] : 0.0f;
+        follows = vload16(0, plane);
 #elif FOLLOWS >= 0
-    follows = v[FOLLOWS];
+        follows = v[FOLLOWS];
 #endif
-    mixed(v, follows, m, y);
-    store_planes(y, in, count, out);
+        mixed(v, follows, m, y);
+        store_planes(y, from, count, out + (size_t)first * OUT, pixels);
+    }
 }

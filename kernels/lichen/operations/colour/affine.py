@@ -100,8 +100,8 @@ def launch(device: Device, image: Image, affine: Affine) -> Array:
         "FOLLOWS": follows(affine, image.alpha, image.channels),
     }  # fmt: skip
     with device.session() as session:
-        session.launch(
-            "colour/affine.cl", "affine", (-(-pixels // 16),),
+        session.sweep(
+            "colour/affine.cl", "affine", -(-pixels // 16),
             source, session.write(out), aligned(numbers.reshape(-1)), np.int32(pixels),
             defines=defines,
         )  # fmt: skip

@@ -17,7 +17,7 @@
 #define EACH(name, value)                                            \
     STEP void name(float16 *v, global const float *k, int planes)    \
     {                                                                \
-        for (int c = 0; c < planes; c++) {                           \
+        _Pragma("unroll") for (int c = 0; c < planes; c++) {         \
             float16 x = v[c], a = fabs(x);                           \
             v[c] = value;                                            \
         }                                                            \
@@ -126,13 +126,16 @@ EACH(lightness_inverse, light_of(x))
 STEP void linear(float16 *v, global const float *k, int planes, int rows, int present)
 {
     float16 y[4];
+#pragma unroll
     for (int row = 0; row < rows; row++) {
         float16 sum = (float16)(present >> (5 * row + 4) & 1 ? k[5 * row + 4] : 0.0f);
+#pragma unroll
         for (int c = 0; c < planes; c++)
             if (present >> (5 * row + c) & 1)
                 sum = fma(v[c], (float16)(k[5 * row + c]), sum);
         y[row] = sum;
     }
+#pragma unroll
     for (int row = 0; row < rows; row++)
         v[row] = y[row];
 }
@@ -284,14 +287,13 @@ STEP void from_cmyk(float16 *v, global const float *k, int planes)
 kernel void convert(global const float *restrict in, global float *restrict out, global const float *restrict k,
                     int pixels)
 {
-    int first = get_global_id(0) * WIDTH;
-    if (first >= pixels)
-        return;
-    int count = min(pixels - first, WIDTH);
-    in += (size_t)first * IN;
-    out += (size_t)first * OUT;
-    float16 v[4];
-    load_planes(in, count, v);
-    PATH
-    store_planes(v, in, count, out);
+    int end = run_end(pixels);
+    for (int first = run_start(); first < end; first += WIDTH) {
+        int count = min(end - first, WIDTH);
+        global const float *from = in + (size_t)first * IN;
+        float16 v[4];
+        load_planes(from, count, v);
+        PATH
+        store_planes(v, from, count, out + (size_t)first * OUT, pixels);
+    }
 }

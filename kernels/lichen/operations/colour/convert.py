@@ -267,8 +267,8 @@ def launch(device: Device, image: Image, p: Parameters) -> Array:
         "PATH": " ".join(calls),
     }  # fmt: skip
     with device.session() as session:
-        session.launch(
-            "colour/convert.cl", "convert", (-(-pixels // 16),),
+        session.sweep(
+            "colour/convert.cl", "convert", -(-pixels // 16),
             origin, session.write(out), aligned(np.array([*numbers, 0.0], np.float32)), np.int32(pixels),
             defines=defines,
         )  # fmt: skip

@@ -214,10 +214,10 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].pixels,
-    rates={"opencl": Rate(3e-4, 3.5e-7), "numpy": Rate(2e-4, 4.2e-7)},
+    rates={"opencl": Rate(3e-4, 3e-8), "numpy": Rate(2e-4, 4.2e-7)},
 )
 class Exact:
-    """The formulas in double precision, rounded once; on a device without double precision, on the host."""
+    """The formulas in double precision, eight pixels at a time, rounded once; on the host where a device has none."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
@@ -234,7 +234,7 @@ class Exact:
         }
         with device.session() as session:
             session.launch(
-                "colour/difference.cl", "difference", (height * width,),
+                "colour/difference.cl", "difference", (-(-height * width // 16),),
                 first, second, session.write(out), aligned(TO_RATIO.reshape(-1), np.float64), np.int32(height * width),
                 defines=defines,
             )  # fmt: skip

@@ -43,42 +43,41 @@ GAMUT_FN float16 moved(float16 d, float t, float s, float p)
 
 kernel void gamut(global const float *restrict in, global float *restrict out, global const float *restrict k, int pixels)
 {
-    int first = get_global_id(0) * WIDTH;
-    if (first >= pixels)
-        return;
-    int count = min(pixels - first, WIDTH);
-    in += (size_t)first * IN;
-    out += (size_t)first * OUT;
-    float16 v[4];
-    load_planes(in, count, v);
+    int end = run_end(pixels);
+    for (int first = run_start(); first < end; first += WIDTH) {
+        int count = min(end - first, WIDTH);
+        global const float *from = in + (size_t)first * IN;
+        float16 v[4];
+        load_planes(from, count, v);
 #if TURNED
-    turned(v, k);
+        turned(v, k);
 #endif
 #if ACTION == 0
-    for (int c = 0; c < 3; c++) {
-        v[c] = v[c] < 0.0f ? (float16)(0.0f) : v[c];
+        for (int c = 0; c < 3; c++) {
+            v[c] = v[c] < 0.0f ? (float16)(0.0f) : v[c];
 #if PEAKED
-        v[c] = v[c] > k[PEAK] ? (float16)(k[PEAK]) : v[c];
+            v[c] = v[c] > k[PEAK] ? (float16)(k[PEAK]) : v[c];
 #endif
-    }
+        }
 #else
-    float16 top = num_max(num_max(v[0], v[1]), v[2]), size = fabs(top);
-    for (int c = 0; c < 3; c++) {
-        float16 below = top - v[c], d = below / (size == 0.0f ? (float16)(1.0f) : size);
-        float16 y = fma(-moved(d, k[THRESHOLD + c], k[SCALE + c], k[POWER]), size, top);
+        float16 top = num_max(num_max(v[0], v[1]), v[2]), size = fabs(top);
+        for (int c = 0; c < 3; c++) {
+            float16 below = top - v[c], d = below / (size == 0.0f ? (float16)(1.0f) : size);
+            float16 y = fma(-moved(d, k[THRESHOLD + c], k[SCALE + c], k[POWER]), size, top);
 #if ACTION == 2
-        // Beyond the last distance the tangent goes on, without the quotient.
-        float last = k[LAST + c], slope = k[SLOPE + c];
-        float16 beyond = (top - size * FARTHEST) - slope * (below - size * last);
-        y = (d > last) | (size == 0.0f) ? beyond : y;
+            // Beyond the last distance the tangent goes on, without the quotient.
+            float last = k[LAST + c], slope = k[SLOPE + c];
+            float16 beyond = (top - size * FARTHEST) - slope * (below - size * last);
+            y = (d > last) | (size == 0.0f) ? beyond : y;
 #else
-        y = size == 0.0f ? top : y;
+            y = size == 0.0f ? top : y;
 #endif
-        v[c] = below == below ? y : below;
-    }
+            v[c] = below == below ? y : below;
+        }
 #endif
 #if TURNED
-    turned(v, k + 9);
+        turned(v, k + 9);
 #endif
-    store_planes(v, in, count, out);
+        store_planes(v, from, count, out + (size_t)first * OUT, pixels);
+    }
 }

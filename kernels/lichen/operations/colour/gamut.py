@@ -369,8 +369,8 @@ def _launch(device: Device, image: Image, p: Parameters) -> Array:
         "ACTION": list(Action).index(p.action), "TURNED": int(p.source is not p.target),
     }  # fmt: skip
     with device.session() as session:
-        session.launch(
-            "colour/gamut.cl", "gamut", (-(-pixels // 16),),
+        session.sweep(
+            "colour/gamut.cl", "gamut", -(-pixels // 16),
             source, session.write(out), aligned(np.array(numbers, np.float32)), np.int32(pixels),
             defines=defines,
         )  # fmt: skip

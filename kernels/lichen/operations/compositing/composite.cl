@@ -64,7 +64,7 @@ kernel void composite(global const float *restrict image, global const float *re
 #if OUT > COLOURS
     co[COLOURS] = num_min(part(s, from_image) + part(b, from_base), (float16)(most));
 #endif
-    planes_store(co, out, OUT, count);
+    planes_stream(co, out, OUT, count, pixels);
 #else
     for (int c = 0; c < COLOURS; c++) {
         float16 cs = plane_load(image, IMAGE, c, count), cb = plane_load(base, BASE, c, count), colour = part(cs, m);
@@ -108,7 +108,7 @@ kernel void composite_flat(global const float *restrict image, global const floa
 #endif
         float16 y = num_min(part(cs, f) + part(cb, g), limit);
         if (whole)
-            vstore16(y, 0, out + at);
+            stream_store16(y, out + at, pixels * 4);
         else {
             vstore16(y, 0, own);
             for (int i = 0; i < LANES && at + i < end; i++)

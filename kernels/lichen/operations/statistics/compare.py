@@ -248,17 +248,11 @@ class Exact:
 @compare.findings
 def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
     """The figures of the accuracy engine that are asked for."""
-    image, reference = inputs["image"], inputs["reference"].pixels
-    apart, mismatched = metrics.deviations(image.pixels, reference, image.alpha)
-    taken = apart[~np.isnan(apart)]
-    found = metrics.difference(image.pixels, reference, image.alpha)
+    image = inputs["image"]
+    found = metrics.totals(image.pixels, inputs["reference"].pixels, image.alpha)
     return {
-        "largest": found.largest,
-        "p999": found.p999,
-        "rms": found.rms,
-        "mean": float(taken.mean()) if taken.size else 0.0,
-        "mismatched": mismatched,
-        "psnr_db": metrics.psnr(image.pixels, reference, p.peak, image.alpha),
+        **found._asdict(),
+        "psnr_db": metrics.psnr_of(found, p.peak),
         **{
             name: value
             for each in sorted({*p.metrics, *_MAPPED[p.map]})

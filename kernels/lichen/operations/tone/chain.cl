@@ -142,14 +142,13 @@ STEP void table3(float16 *v, global const float *k, int size, int tetrahedral)
 
 kernel void chain(global const float *restrict in, global float *restrict out, global const float *restrict k, int pixels)
 {
-    int first = get_global_id(0) * WIDTH;
-    if (first >= pixels)
-        return;
-    int count = min(pixels - first, WIDTH);
-    in += (size_t)first * IN;
-    out += (size_t)first * OUT;
-    float16 v[4];
-    load_planes(in, count, v);
-    STEPS
-    store_planes(v, in, count, out);
+    int end = run_end(pixels);
+    for (int first = run_start(); first < end; first += WIDTH) {
+        int count = min(end - first, WIDTH);
+        global const float *from = in + (size_t)first * IN;
+        float16 v[4];
+        load_planes(from, count, v);
+        STEPS
+        store_planes(v, from, count, out + (size_t)first * OUT, pixels);
+    }
 }

@@ -292,8 +292,8 @@ class Chain:
             "IN": image.channels, "OUT": image.channels, "READ": 3, "MADE": 3, "STEPS": calls,
         }  # fmt: skip
         with device.session() as session:
-            session.launch(
-                "tone/chain.cl", "chain", (-(-pixels // 16),),
+            session.sweep(
+                "tone/chain.cl", "chain", -(-pixels // 16),
                 source, session.write(out), numbers, np.int32(pixels),
                 defines=defines,
             )  # fmt: skip

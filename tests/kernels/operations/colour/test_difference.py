@@ -45,6 +45,19 @@ def test_of_pictures(formula: str, backend: str) -> None:
     assert not lichen.run("difference", first, reference=first, formula=formula, device=backend).image.pixels.any()
 
 
+def test_every_mean_hue() -> None:
+    """All around the circle, half the hues' distance from nothing to half a turn to either side, opposite ones among
+    them: the mean hue meets the ends of the blue region's turn, and 0 degrees from both sides."""
+    middle, half = (each.reshape(-1) for each in np.radians(np.meshgrid(np.arange(360), np.arange(-90, 91, 6))))
+    hues, chroma = np.stack([middle - half, middle + half]), np.array([[30.0], [80.0]])
+    first, second = np.stack([np.full(hues.shape, 50), chroma * np.cos(hues), chroma * np.sin(hues)], -1)
+    pair = {"image": first[np.newaxis].astype(np.float32), "reference": second[np.newaxis].astype(np.float32)}
+    image = pair.pop("image")
+    expected = lichen.evaluate_truth("difference", image, source="lab", **pair)
+    found = lichen.run("difference", image, source="lab", device="opencl", **pair).image.pixels
+    assert np.abs(found - expected).max() < 2e-5
+
+
 def test_sizes_must_agree() -> None:
     with pytest.raises(InvalidRequest) as refused:
         lichen.run("difference", FIRST, reference=SECOND[:-1])
