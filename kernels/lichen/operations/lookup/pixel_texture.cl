@@ -1,5 +1,9 @@
 // Every pixel's channels as coordinates into a texture of DIMENSIONS axes; pixel_path.py is the definition.
 //
+// A work-item does SEGMENT neighbouring pixels in phases, each a loop over all of them: arithmetic is done in full
+// vectors, and only texels are fetched pixel by pixel. Pixels that have all of their texels inside, none of weight 0,
+// need no care, and where a whole segment needs none, they are summed without a branch.
+//
 // Definitions given at build time:
 //   REAL               float or double: the precision of coordinates
 //   DIMENSIONS, TAPS   1 to 4; 1 (nearest), 2 (linear) or 4 (cubic) texels along each axis
@@ -8,27 +12,34 @@
 // `before` and `after` entries, 0 for none. `sizes` holds the axes' sizes, then their borders.
 
 #include "border.clh"
-#include "numeric.clh"
+#include "stream.clh"
 
 #define SEGMENT 64
+#define EACH for (int i = 0; i < SEGMENT; i++)
 #define MOST 4
 #define FARTHEST ((REAL)1073741824.0)
 #define TABLES 29
-#define TOTAL (1 << ((TAPS >> 1) * DIMENSIONS)) // TAPS to the power of DIMENSIONS
+#define LOOK_FN static inline __attribute__((always_inline))
 
 #if MADE == 4
 #define T float4
-#define LOAD(from, i) vload4(i, from)
-#define STORE(value, to, i) vstore4(value, i, to)
+#define LOAD(p) vload4(0, p)
+#define STORE(value, to, samples) stream_store4(value, to, samples)
 #elif MADE == 3
 #define T float3
-#define LOAD(from, i) vload3(i, from)
-#define STORE(value, to, i) vstore3(value, i, to)
+#define LOAD(p) vload3(0, p)
+#define STORE(value, to, samples) vstore3(value, 0, to)
 #else
 #define T float
-#define LOAD(from, i) (from)[i]
-#define STORE(value, to, i) (to)[i] = value
+#define LOAD(p) (*(p))
+#define STORE(value, to, samples) *(to) = value
 #endif
+
+// Of a segment: the first texel along each axis, and all weights.
+typedef struct {
+    int cell[DIMENSIONS][SEGMENT];
+    float w[DIMENSIONS][TAPS][SEGMENT];
+} Taps;
 
 inline REAL looked_up(REAL x, global const REAL *restrict table, int entries)
 {
@@ -38,112 +49,202 @@ inline REAL looked_up(REAL x, global const REAL *restrict table, int entries)
     return value + part * (table[min(cell + 1, entries - 1)] - value);
 }
 
+// The coordinates of `count` pixels, and behind them what divides them, if anything does.
+LOOK_FN void locate(REAL y[MOST][SEGMENT], global const float *restrict in, global const REAL *restrict n, int channels,
+                    int projective, int before, int after, int count)
+{
+    global const REAL *rows = n + 2 * MOST;
+    REAL c[MOST][SEGMENT];
+    for (int k = 0; k < MOST; k++) {
+        bool used = false;
+        for (int row = 0; row < DIMENSIONS + projective; row++)
+            used |= rows[row * (MOST + 1) + k] != 0;
+        if (!used)
+            continue;
+        REAL scale = n[k], bias = n[MOST + k];
+        if (k >= channels)
+            EACH c[k][i] = 0 * scale + bias;
+        else if (count == SEGMENT)
+            EACH c[k][i] = (REAL)in[i * channels + k] * scale + bias;
+        else
+            EACH c[k][i] = (REAL)in[min(i, count - 1) * channels + k] * scale + bias;
+        if (before)
+            EACH c[k][i] = looked_up(c[k][i], n + TABLES + k * before, before);
+    }
+    for (int row = 0; row < DIMENSIONS + projective; row++) {
+        global const REAL *m = rows + row * (MOST + 1);
+        REAL added = m[MOST];
+        EACH y[row][i] = added;
+        for (int k = 0; k < MOST; k++) {
+            REAL factor = m[k];
+            if (factor != 0)
+                EACH y[row][i] = y[row][i] + factor * c[k][i];
+        }
+        if (after)
+            EACH y[row][i] = looked_up(y[row][i], n + TABLES + MOST * before + row * after, after);
+    }
+}
+
+// Texels and weights along axis k from its coordinates. What is NaN is noted, and which pixels remain `easy`: where all
+// texels lie inside, and none has weight 0.
+LOOK_FN void split(Taps *taps, int k, const REAL *restrict y, int *restrict nan, int *restrict easy, int size, int unit)
+{
+    REAL factor = unit ? (REAL)size : (REAL)1;
+    EACH {
+        REAL u = y[i], place = u * factor;
+        nan[i] |= u != u;
+        place = place < -FARTHEST ? -FARTHEST : place;
+        place = place > FARTHEST ? FARTHEST : place;
+        place = u != u ? (REAL)0 : place;
+#if TAPS > 1
+        place = place - (REAL)0.5;
+#endif
+        int cut = (int)place, left = cut - ((REAL)cut > place);
+        REAL t = place - (REAL)left;
+        int cell = left - (TAPS == 4);
+        taps->cell[k][i] = cell;
+        easy[i] &= (cell >= 0) & (cell <= size - TAPS) & (u == u);
+#if TAPS == 2
+        taps->w[k][0][i] = (float)(1 - t);
+        taps->w[k][1][i] = (float)t;
+        easy[i] &= t > 0;
+#elif TAPS == 4
+        REAL half_t = (REAL)0.5 * t;
+        taps->w[k][0][i] = (float)(half_t * ((2 - t) * t - 1));
+        taps->w[k][1][i] = (float)((REAL)0.5 * (t * t * (3 * t - 5) + 2));
+        taps->w[k][2][i] = (float)(half_t * ((4 - 3 * t) * t + 1));
+        taps->w[k][3][i] = (float)(half_t * t * (t - 1));
+        easy[i] &= t > 0;
+#endif
+    }
+}
+
+// The sum over an axis and those before it, where all texels lie inside: `p` is the first, two lie `step` floats apart.
+LOOK_FN T one(global const float *p, const Taps *taps, const size_t *step, int i) { return LOAD(p); }
+#if TAPS == 1
+#define ALONG(name, axis, inner)                                                                                       \
+    LOOK_FN T name(global const float *p, const Taps *taps, const size_t *step, int i)                                 \
+    {                                                                                                                  \
+        return inner(p, taps, step, i);                                                                                \
+    }
+#else
+#define ALONG(name, axis, inner)                                                                                       \
+    LOOK_FN T name(global const float *p, const Taps *taps, const size_t *step, int i)                                 \
+    {                                                                                                                  \
+        T sum = taps->w[axis][0][i] * inner(p, taps, step, i);                                                         \
+        for (int j = 1; j < TAPS; j++)                                                                                 \
+            sum = fma((T)(taps->w[axis][j][i]), inner(p + j * step[axis], taps, step, i), sum);                        \
+        return sum;                                                                                                    \
+    }
+#endif
+ALONG(sum1, 0, one)
+#if DIMENSIONS == 1
+#define SUM sum1
+#elif DIMENSIONS == 2
+ALONG(sum2, 1, sum1)
+#define SUM sum2
+#elif DIMENSIONS == 3
+ALONG(sum2, 1, sum1)
+ALONG(sum3, 2, sum2)
+#define SUM sum3
+#else
+ALONG(sum2, 1, sum1)
+ALONG(sum3, 2, sum2)
+ALONG(sum4, 3, sum3)
+#define SUM sum4
+#endif
+
+// The same, called where there is little of it.
+T summed(global const float *p, const Taps *taps, const size_t *step, int i) { return SUM(p, taps, step, i); }
+
+// The sum of channel c of pixel i with care: a texel may lie beyond a border, and one of weight 0 is not read, since it
+// may be NaN. With MADE, all channels.
+T anywhere(global const float *restrict texels, const Taps *taps, global const int *restrict sizes, int made, int c,
+           float background, int i)
+{
+    int at[MOST][TAPS];
+    float weight[MOST][TAPS];
+    for (int k = 0; k < MOST; k++)
+        for (int j = 0; j < TAPS; j++) {
+            const int axis = min(k, DIMENSIONS - 1), index = taps->cell[axis][i] + j;
+            at[k][j] = k < DIMENSIONS ? border_index(index, sizes[k], sizes[MOST + k]) : 0;
+            weight[k][j] = k < DIMENSIONS && TAPS > 1 ? taps->w[axis][j][i] : 1.0f;
+        }
+    T total = (T)(0.0f);
+    for (int l = 0; l < (DIMENSIONS > 3 ? TAPS : 1); l++)
+        for (int m = 0; m < (DIMENSIONS > 2 ? TAPS : 1); m++)
+            for (int j = 0; j < (DIMENSIONS > 1 ? TAPS : 1); j++) {
+                float outer = weight[3][l] * weight[2][m] * weight[1][j];
+                int beyond = (at[3][l] | at[2][m] | at[1][j]) < 0;
+                size_t line = sizes[0] * (at[1][j] + (size_t)sizes[1] * (at[2][m] + (size_t)sizes[2] * at[3][l]));
+                for (int o = 0; o < TAPS; o++) {
+                    float w = outer * weight[0][o];
+                    if (w == 0.0f)
+                        continue;
+                    T texel = (T)(background);
+                    if (!beyond && at[0][o] >= 0)
+                        texel = LOAD(texels + (line + at[0][o]) * made + c);
+                    total += w * texel;
+                }
+            }
+    return total;
+}
+
 kernel void lookup(global const float *restrict in, global const float *restrict texels, global float *restrict out,
                    global const REAL *restrict n, global const int *restrict sizes, int channels, int made, int unit,
                    int projective, int before, int after, ulong pixels)
 {
-    ulong first = get_global_id(0) * (ulong)SEGMENT, last = min(first + SEGMENT, pixels);
+    ulong first = get_global_id(0) * (ulong)SEGMENT;
+    if (first >= pixels)
+        return;
+    int count = (int)min(pixels - first, (ulong)SEGMENT), behind[SEGMENT], nan[SEGMENT], easy[SEGMENT];
     float background = (float)n[28];
-    for (ulong i = first; i < last; i++) {
-        REAL c[MOST], y[MOST + 1];
-        for (int k = 0; k < MOST; k++) {
-            c[k] = (k < channels ? (REAL)in[i * channels + k] : (REAL)0) * n[k] + n[MOST + k];
-            if (before)
-                c[k] = looked_up(c[k], n + TABLES + k * before, before);
-        }
-        for (int row = 0; row < DIMENSIONS + projective; row++) {
-            global const REAL *m = n + 2 * MOST + row * (MOST + 1);
-            REAL total = m[MOST];
-            for (int k = 0; k < MOST; k++)
-                if (m[k] != 0)
-                    total = total + m[k] * c[k];
-            y[row] = after ? looked_up(total, n + TABLES + MOST * before + row * after, after) : total;
-        }
-        bool behind = projective && y[DIMENSIONS] <= 0, nan = false;
-        int at[DIMENSIONS][TAPS];
-        float weight[DIMENSIONS][TAPS];
-        for (int k = 0; k < DIMENSIONS; k++) {
-            REAL u = projective ? y[k] / (behind ? (REAL)1 : y[DIMENSIONS]) : y[k];
-            nan |= u != u;
-            REAL place = unit ? u * (REAL)sizes[k] : u;
-            place = u != u ? (REAL)0 : (place < -FARTHEST ? -FARTHEST : (place > FARTHEST ? FARTHEST : place));
-#if TAPS == 1
-            at[k][0] = border_index((int)floor(place), sizes[k], sizes[MOST + k]);
-            weight[k][0] = 1.0f;
-#else
-            place = place - (REAL)0.5;
-            REAL left = floor(place), t = place - left;
-            for (int j = 0; j < TAPS; j++)
-                at[k][j] = border_index((int)left - (TAPS / 2 - 1) + j, sizes[k], sizes[MOST + k]);
-#if TAPS == 2
-            weight[k][0] = (float)(1 - t);
-            weight[k][1] = (float)t;
-#else
-            REAL half_t = (REAL)0.5 * t;
-            weight[k][0] = (float)(half_t * ((2 - t) * t - 1));
-            weight[k][1] = (float)((REAL)0.5 * (t * t * (3 * t - 5) + 2));
-            weight[k][2] = (float)(half_t * ((4 - 3 * t) * t + 1));
-            weight[k][3] = (float)(half_t * t * (t - 1));
-#endif
-#endif
-        }
-        // A texel of weight 0 is not read: it may be NaN. Where the channels are many, every tap is found once for all.
-#if MADE
-        T total = (T)(0.0f);
-#else
-        int tap[TOTAL], taken = 0;
-        float share[TOTAL];
-#endif
-#if DIMENSIONS >= 4
-        for (int l = 0; l < TAPS; l++)
-#endif
-#if DIMENSIONS >= 3
-        for (int m = 0; m < TAPS; m++)
-#endif
-#if DIMENSIONS >= 2
-        for (int j = 0; j < TAPS; j++)
-#endif
-        for (int o = 0; o < TAPS; o++) {
-            int index = at[0][o], plane = sizes[0];
-            float w = 1.0f;
-            bool outside = at[0][o] < 0;
-#if DIMENSIONS >= 4
-            w *= weight[3][l];
-#endif
-#if DIMENSIONS >= 3
-            w *= weight[2][m];
-#endif
-#if DIMENSIONS >= 2
-            w *= weight[1][j], index += plane * at[1][j], plane *= sizes[1], outside |= at[1][j] < 0;
-#endif
-#if DIMENSIONS >= 3
-            index += plane * at[2][m], plane *= sizes[2], outside |= at[2][m] < 0;
-#endif
-#if DIMENSIONS >= 4
-            index += plane * at[3][l], outside |= at[3][l] < 0;
-#endif
-            w *= weight[0][o];
-            if (w == 0.0f)
-                continue;
-#if MADE
-            T texel = (T)(background);
-            if (!outside)
-                texel = LOAD(texels, index);
-            total += w * texel;
-#else
-            tap[taken] = outside ? -1 : index;
-            share[taken++] = w;
-#endif
-        }
-#if MADE
-        STORE(nan ? (T)(NAN) : (behind ? (T)(background) : total), out, i);
-#else
-        for (int c = 0; c < made; c++) {
-            float total = 0.0f;
-            for (int k = 0; k < taken; k++)
-                total += share[k] * (tap[k] < 0 ? background : texels[(size_t)tap[k] * made + c]);
-            out[i * made + c] = nan ? NAN : (behind ? background : total);
-        }
-#endif
+    REAL y[MOST][SEGMENT];
+    Taps taps;
+    locate(y, in + first * channels, n, channels, projective, before, after, count);
+    EACH behind[i] = nan[i] = 0;
+    if (projective) {
+        const int last = DIMENSIONS < MOST ? DIMENSIONS : 0;
+        EACH behind[i] = y[last][i] <= 0;
+        for (int k = 0; k < DIMENSIONS; k++)
+            EACH y[k][i] = y[k][i] / (behind[i] ? (REAL)1 : y[last][i]);
     }
+    EACH easy[i] = !behind[i] & (i < count);
+    for (int k = 0; k < DIMENSIONS; k++)
+        split(&taps, k, y[k], nan, easy, sizes[k], unit);
+    size_t step[MOST], place[SEGMENT];
+    step[0] = made;
+    for (int k = 1; k < DIMENSIONS; k++)
+        step[k] = step[k - 1] * sizes[k - 1];
+    EACH {
+        size_t from = 0;
+        for (int k = 0; k < DIMENSIONS; k++)
+            from += step[k] * taps.cell[k][i];
+        place[i] = from;
+    }
+    int quick = 1;
+    EACH quick &= easy[i];
+    out += first * made;
+#if MADE
+    if (quick) {
+#if DIMENSIONS == 2
+        EACH {
+            stream_ask(texels + place[i]);
+            stream_ask(texels + place[i] + (TAPS - 1) * (step[0] + step[1]));
+        }
+#endif
+        EACH STORE(SUM(texels + place[i], &taps, step, i), out + i * MADE, pixels * MADE);
+        return;
+    }
+#endif
+    for (int i = 0; i < count; i++)
+        for (int c = 0; c < (MADE ? 1 : made); c++)
+            if (easy[i])
+                STORE(summed(texels + place[i] + c, &taps, step, i), out + (size_t)i * made + c, 0);
+            else {
+                T value = nan[i] ? (T)(NAN) : (T)(background);
+                if (!nan[i] & !behind[i])
+                    value = anywhere(texels, &taps, sizes, made, c, background, i);
+                STORE(value, out + (size_t)i * made + c, 0);
+            }
 }
