@@ -1,11 +1,16 @@
 // A scalar through a palette, with contours; colour_map.py is the definition. Places are computed in doubles.
 //
-// WRAP: 0 clamp, 1 repeat, 2 mirror. BANDS 1: nearest entry. CONTOURS 1: lines are drawn. MADE channels of the palette.
-// `n` holds low, range, spacing, offset, line width, then the line's colour. One work-item for 64 pixels of a row.
+// WRAP: 0 clamp, 1 repeat, 2 mirror. BANDS 1: nearest entry. CONTOURS 1: lines are drawn. MADE channels of the palette;
+// where they are four or fewer, an entry takes four numbers and is one vector.
+// `n` holds low, range, spacing, offset, line width, then the line's colour. One work-item for 64 pixels of a row: where
+// each falls is found for all in full vectors, then entries are fetched pixel by pixel.
+
+#include "stream.clh"
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 #define SEGMENT 64
+#define EACH for (int i = 0; i < SEGMENT; i++)
 
 inline double slope(global const float *line, int at, int size, size_t stride)
 {
@@ -16,41 +21,73 @@ inline double slope(global const float *line, int at, int size, size_t stride)
 kernel void map(global const float *restrict in, global const float *restrict palette, global float *restrict out,
                 global const double *restrict n, int entries, int channels, int channel, int columns, int rows)
 {
-    int from = get_global_id(0) * SEGMENT, to = min(from + SEGMENT, columns), row = get_global_id(1);
-    if (row >= rows)
+    int from = get_global_id(0) * SEGMENT, row = get_global_id(1);
+    if (row >= rows || from >= columns)
         return;
+    int count = min(SEGMENT, columns - from), cell[SEGMENT], after[SEGMENT], nan[SEGMENT];
+    double part[SEGMENT];
     global const float *line = in + (size_t)row * columns * channels + channel;
-    for (int column = from; column < to; column++) {
-        double v = line[(size_t)column * channels], t = (v - n[0]) / n[1];
+    double low = n[0], range = n[1], steps = BANDS ? entries : entries - 1;
+    int last = max(BANDS ? entries - 1 : entries - 2, 0);
+    EACH {
+        double t = ((double)line[(size_t)min(from + i, columns - 1) * channels] - low) / range;
 #if WRAP == 0
-        t = t < 0.0 ? 0.0 : (t > 1.0 ? 1.0 : t);
+        t = t < 0.0 ? 0.0 : t;
+        t = t > 1.0 ? 1.0 : t;
 #elif WRAP == 1
         t = t - floor(t);
 #else
         t = t - 2.0 * floor(t * 0.5);
         t = t > 1.0 ? 2.0 - t : t;
 #endif
-        bool nan = t != t;
-        double place = nan ? 0.0 : t * (BANDS ? entries : entries - 1);
-        int cell = clamp((int)place, 0, max(BANDS ? entries - 1 : entries - 2, 0));
-        double part = BANDS ? 0.0 : place - cell;
-        double cover = 0.0;
+        nan[i] = t != t;
+        double place = t != t ? 0.0 : t * steps;
+        int at = (int)place;
+        at = at < last ? at : last;
+        cell[i] = at > 0 ? at : 0;
+        after[i] = min(cell[i] + 1, entries - 1);
+        part[i] = BANDS ? 0.0 : place - cell[i];
+    }
 #if CONTOURS
+    double covers[SEGMENT];
+    for (int i = 0; i < count; i++) {
+        int column = from + i;
+        double v = line[(size_t)column * channels];
         double dx = slope(line, column, columns, channels);
         double dy = slope(in + (size_t)column * channels + channel, row, rows, (size_t)columns * channels);
         double steep = sqrt(dx * dx + dy * dy), u = (v - n[3]) / n[2];
-        double off = fabs(u - rint(u)) * n[2];
-        cover = n[4] * 0.5 + 0.5 - off / steep;
-        cover = steep > 0.0 && steep < INFINITY ? (cover < 0.0 ? 0.0 : (cover > 1.0 ? 1.0 : cover)) : 0.0;
-#endif
-        global const float *here = palette + (size_t)cell * MADE, *next = palette + (size_t)min(cell + 1, entries - 1) * MADE;
-        global float *y = out + ((size_t)row * columns + column) * MADE;
-        for (int c = 0; c < MADE; c++) {
-            double colour = here[c] + part * ((double)next[c] - here[c]);
-#if CONTOURS
-            colour = colour + cover * (n[5 + c] - colour);
-#endif
-            y[c] = nan ? NAN : (float)colour;
-        }
+        double off = fabs(u - rint(u)) * n[2], cover = n[4] * 0.5 + 0.5 - off / steep;
+        covers[i] = steep > 0.0 && steep < INFINITY ? (cover < 0.0 ? 0.0 : (cover > 1.0 ? 1.0 : cover)) : 0.0;
     }
+#endif
+    global float *y = out + ((size_t)row * columns + from) * MADE;
+#if MADE <= 4
+    // Pixels of fewer channels are written as four, one over the end of the other, and go out as whole lines.
+    float made[SEGMENT * MADE + 4];
+    for (int i = 0; i < count; i++) {
+        double4 here = convert_double4(vload4(cell[i], palette)), next = convert_double4(vload4(after[i], palette));
+        double4 colour = here + part[i] * (next - here);
+#if CONTOURS
+        double4 drawn = (double4)(n[5], MADE > 1 ? n[6] : 0.0, MADE > 2 ? n[7] : 0.0, MADE > 3 ? n[8] : 0.0);
+        colour = colour + covers[i] * (drawn - colour);
+#endif
+        vstore4(nan[i] ? (float4)(NAN) : convert_float4(colour), 0, made + i * MADE);
+    }
+    if (count == SEGMENT)
+        for (int i = 0; i < SEGMENT * MADE; i += 16)
+            stream_store16(vload16(0, made + i), y + i, (ulong)columns * rows * MADE);
+    else
+        for (int i = 0; i < count * MADE; i++)
+            y[i] = made[i];
+#else
+    for (int i = 0; i < count; i++)
+        for (int c = 0; c < MADE; c++) {
+            double here = palette[(size_t)cell[i] * MADE + c], next = palette[(size_t)after[i] * MADE + c];
+            double colour = here + part[i] * (next - here);
+#if CONTOURS
+            colour = colour + covers[i] * (n[5 + c] - colour);
+#endif
+            y[i * MADE + c] = nan[i] ? NAN : (float)colour;
+        }
+#endif
 }

@@ -292,6 +292,8 @@ class Exact:
         image = inputs["image"]
         palette = aligned(inputs["palette"].pixels[0]) if "palette" in inputs else table(p.map)
         entries, made = palette.shape
+        if made < 4:  # an entry is one vector
+            palette = aligned(np.pad(palette, ((0, 0), (0, 4 - made))))
         low, high = p.ends(image.extent)
         line = np.resize(np.array(p.line), made)
         numbers = np.array([low, _range(low, high), p.spacing or 1.0, p.offset, p.line_width, *line])
