@@ -25,7 +25,7 @@ import numpy as np
 from pydantic import Field
 
 from lichen.image import Alpha
-from lichen.memory import Array, aligned, aligned_empty
+from lichen.memory import Array, aligned
 from lichen.opencl.device import Device
 from lichen.opencl.session import Session
 from lichen.operation import (
@@ -45,9 +45,8 @@ from lichen.operation import (
 )
 from lichen.operations.convolution.borders import OUTSIDE, continued
 from lichen.operations.warp import cases
-from lichen.operations.warp.launch import built_for
 from lichen.operations.warp.prediction import Size, check_size, result_facts
-from lichen.operations.warp.resize import BLOCK, STRIP, tables
+from lichen.operations.warp.resize import launched
 from lichen.operations.warp.separable import Axis
 
 
@@ -234,8 +233,8 @@ class Single:
         image = Facts.sized(inputs["image"])
         levels = [aligned(inputs["image"].pixels)]
         with device.session() as session:
-            for width, height in sizes(p, image)[1:]:
-                levels.append(_launch(session, levels[-1], width, height, p))
+            for _ in sizes(p, image)[1:]:
+                levels.append(_halved(device, session, levels[-1], p))
         return levels[-1] if p.layout is Layout.LEVEL else aligned(assembled(levels, size_of(p, {"image": image})))
 
     @staticmethod
@@ -243,22 +242,10 @@ class Single:
         return aligned(_in_numpy(inputs, p, inputs["image"].pixels.astype(np.float32, copy=False)))
 
 
-def _launch(session: Session, pixels: Array, width: int, height: int, p: Parameters) -> Array:
-    tall, wide, channels = pixels.shape
+def _halved(device: Device, session: Session, pixels: Array, p: Parameters) -> Array:
+    tall, wide, _ = pixels.shape
     across, down = halving(wide, p.kernel, p.border), halving(tall, p.kernel, p.border)
-    between, out = session.scratch((height, wide, channels)), aligned_empty((height, width, channels))
-    defines = built_for(channels)
-    session.launch(
-        "warp/resize.cl", "down", (-(-wide * channels // STRIP), height), pixels, session.readwrite(between),
-        *tables(down, p.value), np.int32(down.taps), np.int32(wide * channels), np.int32(height), local=(1, 16),
-        defines=defines,
-    )  # fmt: skip
-    session.launch(
-        "warp/resize.cl", "across", (-(-width // STRIP), -(-height // BLOCK)), between, session.readwrite(out),
-        *tables(across, p.value), np.int32(across.taps), np.int32(wide), np.int32(width), np.int32(height),
-        np.int32(channels), local=(1, 16), defines=defines,
-    )  # fmt: skip
-    return out
+    return launched(device, session, pixels, across, down, p.value)
 
 
 @pyramid.method(

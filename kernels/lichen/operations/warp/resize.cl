@@ -4,6 +4,8 @@
  * `both` does both axes at once where a result takes few rows, one after the other; `down` and `across`, with an image
  * between them, are for all others. The sums have the same order, and so the same bits. */
 
+#include "stream.clh"
+
 #define STRIP 64
 
 /* Rows from rows. A row is `floats` long, whatever its pixels are. One work-item does STRIP floats of one row. */
@@ -90,10 +92,37 @@ kernel void across(global const float *restrict in, global float *restrict out, 
  * so that each is read from the image once, and is next to the rows that are summed with it: in the image, rows of 4096
  * pixels compete for the same lines of a cache. */
 #ifdef SLOTS
-inline void keep(float *restrict to, global const float *restrict from, int floats) {
+#define AHEAD 4 /* rows that are asked for before they are kept: rows of a strip lie apart */
+
+inline void keep(float *restrict to, global const float *restrict from, int floats, size_t pitch) {
     int i = 0;
-    for (; i + 16 <= floats; i += 16) vstore16(vload16(0, from + i), 0, to + i);
+    for (; i + 16 <= floats; i += 16) {
+        stream_ask(from + AHEAD * pitch + i);
+        vstore16(vload16(0, from + i), 0, to + i);
+    }
     for (; i < floats; ++i) to[i] = from[i];
+}
+
+/* The same sums as below where no source row takes part in two of them: straight from the image. `floats` is a multiple
+ * of STRIP. */
+inline void sum_source(float *restrict to, global const float *restrict from, global const int *restrict at,
+                       global const float *restrict by, int taps, float begin, int floats, size_t pitch) {
+    for (int first = 0; first < floats; first += STRIP) {
+        float16 a = begin, b = begin, c = begin, d = begin;
+        for (int k = 0; k < taps; ++k) {
+            global const float *p = from + at[k] * pitch + first;
+            for (int i = 0; i < STRIP; i += 16) stream_ask(p + taps * pitch + i);
+            const float16 w = by[k];
+            a = fma(w, vload16(0, p), a);
+            b = fma(w, vload16(1, p), b);
+            c = fma(w, vload16(2, p), c);
+            d = fma(w, vload16(3, p), d);
+        }
+        vstore16(a, 0, to + first);
+        vstore16(b, 1, to + first);
+        vstore16(c, 2, to + first);
+        vstore16(d, 3, to + first);
+    }
 }
 
 inline void sum_rows(float *restrict to, const float *restrict ring, global const int *restrict at,
@@ -128,13 +157,20 @@ kernel void both(global const float *restrict in, global float *restrict out, gl
     const size_t pitch = (size_t)columns * channels, step = (size_t)wide * channels;
     float ring[SLOTS * WIDE], lines[BLOCK * WIDE];
     int held = 0; /* the row that the ring takes next */
+    int apart = floats % STRIP == 0;
+    for (int row = top + 1; row < bottom; ++row) apart &= reach[2 * row] >= reach[2 * row - 1];
     for (int row = top; row < bottom; row += BLOCK) {
         const int many = min(BLOCK, bottom - row);
         for (int j = 0; j < many; ++j) {
             global const int *at = index + (size_t)(row + j) * taps;
+            global const float *by = weights + (size_t)(row + j) * taps;
+            if (apart) {
+                sum_source(lines + j * WIDE, in + left * channels, at, by, taps, outside[row + j], floats, pitch);
+                continue;
+            }
             for (held = max(held, reach[2 * (row + j)]); held < reach[2 * (row + j) + 1]; ++held)
-                keep(ring + held % SLOTS * WIDE, in + held * pitch + left * channels, floats);
-            sum_rows(lines + j * WIDE, ring, at, weights + (size_t)(row + j) * taps, taps, outside[row + j], floats);
+                keep(ring + held % SLOTS * WIDE, in + held * pitch + left * channels, floats, pitch);
+            sum_rows(lines + j * WIDE, ring, at, by, taps, outside[row + j], floats);
         }
         for (int i = first; i < first + count; ++i) {
             global const int *at = index_across + (size_t)i * taps_across;

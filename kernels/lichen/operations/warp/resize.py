@@ -32,6 +32,7 @@ from lichen.errors import Flaw
 from lichen.image import Alpha
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
+from lichen.opencl.session import Session
 from lichen.operation import (
     ROUNDING,
     WHOLE,
@@ -301,36 +302,40 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 
 def _opencl(device: Device, inputs: Inputs, p: Parameters, name: str) -> Array:
     image = inputs["image"]
-    width, height = made(p, Facts.sized(image))
     across, down = _axes(p, Facts.sized(image), name)
-    channels = image.channels
-    out = aligned_empty((height, width, channels))
-    given = (*tables(down, p.value), np.int32(down.taps)), (*tables(across, p.value), np.int32(across.taps))
-    slots, spans = down.slots(), across.spans(WIDE // channels)
     with device.session() as session:
-        if slots is not None and spans is not None:
-            strips, band = len(spans[1]), BAND
-            while band > 8 and strips * -(-height // band) < 4 * device.compute_units:
-                band //= 2
-            session.launch(
-                "warp/resize.cl", "both", (strips, -(-height // band)), aligned(image.pixels), session.readwrite(out),
-                *given[0], *given[1], aligned(np.stack(down.reach, axis=-1), np.int32), aligned(spans[1], np.int32),
-                np.int32(image.width), np.int32(width), np.int32(height), np.int32(band), np.int32(channels),
-                local=(1, 1),
-                defines={**built_for(channels), "SLOTS": slots, "OUT": spans[0], "WIDE": WIDE},
-            )  # fmt: skip
-            return out
-        between = session.scratch((height, image.width, channels))
+        return launched(device, session, aligned(image.pixels), across, down, p.value)
+
+
+def launched(device: Device, session: Session, pixels: Array, across: Axis, down: Axis, value: float) -> Array:
+    """Both axes of aligned pixels on a device; done when the session is."""
+    (height, width), (_, columns, channels) = (len(down.index), len(across.index)), pixels.shape
+    out = aligned_empty((height, width, channels))
+    given = (*tables(down, value), np.int32(down.taps)), (*tables(across, value), np.int32(across.taps))
+    slots, spans = down.slots(), across.spans(WIDE // channels)
+    if slots is not None and spans is not None:
+        strips, band = len(spans[1]), BAND
+        while band > 8 and strips * -(-height // band) < 4 * device.compute_units:
+            band //= 2
         session.launch(
-            "warp/resize.cl", "down", (-(-image.width * channels // STRIP), height), aligned(image.pixels),
-            session.readwrite(between), *given[0], np.int32(image.width * channels), np.int32(height), local=(1, 16),
-            defines=built_for(channels),
+            "warp/resize.cl", "both", (strips, -(-height // band)), pixels, session.readwrite(out),
+            *given[0], *given[1], aligned(np.stack(down.reach, axis=-1), np.int32), aligned(spans[1], np.int32),
+            np.int32(columns), np.int32(width), np.int32(height), np.int32(band), np.int32(channels),
+            local=(1, 1),
+            defines={**built_for(channels), "SLOTS": slots, "OUT": spans[0], "WIDE": WIDE},
         )  # fmt: skip
-        session.launch(
-            "warp/resize.cl", "across", (-(-width // STRIP), -(-height // BLOCK)), between, session.write(out),
-            *given[1], np.int32(image.width), np.int32(width), np.int32(height), np.int32(channels), local=(1, 16),
-            defines=built_for(channels),
-        )  # fmt: skip
+        return out
+    between = session.scratch((height, columns, channels))
+    session.launch(
+        "warp/resize.cl", "down", (-(-columns * channels // STRIP), height), pixels,
+        session.readwrite(between), *given[0], np.int32(columns * channels), np.int32(height), local=(1, 16),
+        defines=built_for(channels),
+    )  # fmt: skip
+    session.launch(
+        "warp/resize.cl", "across", (-(-width // STRIP), -(-height // BLOCK)), between, session.readwrite(out),
+        *given[1], np.int32(columns), np.int32(width), np.int32(height), np.int32(channels), local=(1, 16),
+        defines=built_for(channels),
+    )  # fmt: skip
     return out
 
 
