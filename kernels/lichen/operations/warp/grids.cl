@@ -18,8 +18,28 @@ inline float slope(double before, double here, double after) {
     return made == made ? (float)made : 0.0f;
 }
 
+/* The same for all of a segment, both axes at once. */
+inline void given_here(global const double *restrict p, global const float *restrict given, int width, int first,
+                       int row, global double *restrict to) {
+    const int channels = (int)p[2];
+    const double from_x = p[4], by_x = p[5], own_x = p[6], from_y = p[8], by_y = p[9], own_y = p[10];
+    const double add_x = p[3], add_y = p[7], down = row + 0.5;
+    global const float *at = given + ((size_t)row * width + first) * channels;
+    EACH {
+        const double x = fma(own_x, first + i + 0.5, add_x + (at[i * channels] - from_x) * by_x);
+        const double y = fma(own_y, down, add_y + (at[i * channels + 1] - from_y) * by_y);
+        const int known = (fabs(x) < INFINITY) & (fabs(y) < INFINITY);
+        to[2 * i] = known ? x : NAN;
+        to[2 * i + 1] = known ? y : NAN;
+    }
+}
+
 kernel void places(ARGUMENTS) {
     WHERE
+    if (!steps && count == SEGMENT) {
+        given_here(p, given, width, first, row, table + 2 * start);
+        return;
+    }
     for (int i = 0; i < count; ++i) {
         const int column = first + i;
         float by[4];
