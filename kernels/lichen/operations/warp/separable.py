@@ -25,7 +25,7 @@ from lichen.operations.warp.kernels import Doubles, Kernel
 MOST = 1 << 22
 """Weights worked on at once."""
 SLOTS = 8, 32, 64
-GROUPS = 64, 32, 16
+GROUPS = 128, 64, 32, 16
 Whole = npt.NDArray[np.int32]
 
 
