@@ -1,6 +1,7 @@
 /* Places that a picture gives; grids.py is the definition. After the periods, p holds: the channels of the picture; and
  * for x and then for y, what is added, taken off a channel first, the factor, and how much of the pixel's own place. */
 #include "look.clh"
+#include "stream.clh"
 
 /* The coordinate of an axis at a place of the picture; NaN unless both are finite. */
 inline double given_at(global const double *restrict p, global const float *restrict given, int width, int column,
@@ -25,6 +26,8 @@ inline void given_here(global const double *restrict p, global const float *rest
     const double from_x = p[4], by_x = p[5], own_x = p[6], from_y = p[8], by_y = p[9], own_y = p[10];
     const double add_x = p[3], add_y = p[7], down = row + 0.5;
     global const float *at = given + ((size_t)row * width + first) * channels;
+    /* the next row lies apart, where a processor does not see it coming */
+    for (int i = 0; i < SEGMENT * channels; i += 16) stream_ask(at + (size_t)width * channels + i);
     EACH {
         const double x = fma(own_x, first + i + 0.5, add_x + (at[i * channels] - from_x) * by_x);
         const double y = fma(own_y, down, add_y + (at[i * channels + 1] - from_y) * by_y);

@@ -24,6 +24,8 @@ from lichen.operations.warp.reference import Closed, Source, grid
 SEGMENT = 64
 """Pixels that one work-item does; `SEGMENT` in segment.clh."""
 GROUP = (1, 16)
+ROWS = 8
+"""Rows of segments that one work-item of taps.cl does; as there."""
 BAND = 1 << 18
 """Pixels whose places are held at once: 12 MiB with their steps."""
 BORDERS: list[Border | Closed] = [*Border, *Closed]
@@ -151,10 +153,11 @@ def sampled(
         pictures = blocks.each()
         for band in bands(session, map_, width, height, steps=False):
             for channel, pixels in pictures:
+                columns, rows = band.grid
                 session.launch(
-                    "warp/taps.cl", kernel, band.grid, band.matrix, band.table, *band.size, pixels, *blocks.picture,
-                    np.int32(around), session.readwrite(out), np.int32(out.shape[2]), np.int32(channel), *further,
-                    local=GROUP, defines=blocks.defines,
+                    "warp/taps.cl", kernel, (columns, -(-rows // ROWS)), band.matrix, band.table, *band.size, pixels,
+                    *blocks.picture, np.int32(around), session.readwrite(out), np.int32(out.shape[2]),
+                    np.int32(channel), *further, local=(1, GROUP[1] // ROWS), defines=blocks.defines,
                 )  # fmt: skip
     return out
 

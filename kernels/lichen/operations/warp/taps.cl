@@ -9,20 +9,41 @@
         global const float *restrict pixels, int columns, int rows, int border, float value, int around,               \
         global float *restrict out, int stride, int channel
 
-#define BEGIN                                                                                                          \
-    const int first = get_global_id(0) * SEGMENT, below = get_global_id(1), row = top + below;                         \
-    if (first >= width || below >= height) return;                                                                     \
-    const Picture picture = {pixels, columns, rows, border, value};                                                    \
-    const size_t start = (size_t)row * width + first, pitch = (size_t)CHANNELS * columns;                              \
-    int column[SEGMENT], line[SEGMENT];                                                                                \
+/* Cells and fractions of a segment, and whether no pixel of it needs care, which is so almost everywhere: then it is
+ * sampled without a branch. */
+typedef struct {
+    int column[SEGMENT], line[SEGMENT], quick;
     float fx[SEGMENT], fy[SEGMENT];
+} Found;
 
-/* Where no pixel of the segment needs care, which is almost everywhere: found and sampled without a branch. */
-#define QUICK(half_, before, taps)                                                                                     \
-    (find_quick(column, line, fx, fy, matrix, table, first, row, below, width, half_, around, before, taps, &picture))
+/* A work-item does ROWS segments, one below the other, and finds each while the samples of the one before come from
+ * memory: they lie apart, where no processor sees them coming. */
+#define ROWS 8
+#define BEGIN                                                                                                          \
+    const int first = get_global_id(0) * SEGMENT, begin = get_global_id(1) * ROWS, end = min(begin + ROWS, height);    \
+    if (first >= width) return;                                                                                        \
+    const Picture picture = {pixels, columns, rows, border, value};                                                    \
+    const size_t pitch = (size_t)CHANNELS * columns;                                                                   \
+    Found found[2];
+#define EACH_ROW for (int ahead = begin; ahead <= end; ++ahead)
+#define FIND_NEXT(half_, before, taps)                                                                                 \
+    if (ahead < end) {                                                                                                 \
+        Found *next = found + (ahead & 1);                                                                             \
+        next->quick = find_quick(next->column, next->line, next->fx, next->fy, matrix, table, first, top + ahead,      \
+                                 ahead, width, half_, around, before, taps, &picture);                                 \
+        if (next->quick) ask(next->column, next->line, before, taps - 1 - before, &picture);                           \
+    }                                                                                                                  \
+    if (ahead == begin) continue;                                                                                      \
+    Found *here = found + (~ahead & 1);                                                                                \
+    const int below = ahead - 1, row = top + below;                                                                    \
+    int *column = here->column, *line = here->line;                                                                    \
+    float *fx = here->fx, *fy = here->fy;                                                                              \
+    const size_t start = (size_t)row * width + first;
+
 #define WRITE_ALL(value)                                                                                               \
     if (CHANNELS == 4 && stride == 4) {                                                                                \
-        EACH put(out, start + i, 4, 0, value);                                                                         \
+        const ulong samples = 4 * (ulong)width * (top + height);                                                       \
+        EACH put4(out + 4 * (start + i), value, samples);                                                              \
     } else {                                                                                                           \
         EACH put(out, start + i, stride, channel, value);                                                              \
     }
@@ -50,32 +71,38 @@
 
 kernel void nearest(ARGUMENTS) {
     BEGIN
-    if (QUICK(0.0, 0, 1)) {
-        WRITE_ALL(LOAD(pixels + CHANNELS * ((size_t)line[i] * columns + column[i])))
-        return;
+    EACH_ROW {
+        FIND_NEXT(0.0, 0, 1)
+        if (here->quick) {
+            WRITE_ALL(LOAD(pixels + CHANNELS * ((size_t)line[i] * columns + column[i])))
+            continue;
+        }
+        FIND
+        EACH {
+            seen[i] = fabs(x[i]) < INFINITY && fabs(y[i]) < INFINITY;
+            column[i] = cell_before(within(x[i]));
+            line[i] = cell_before(within(y[i]));
+            easy[i] = seen[i] & (column[i] >= 0) & (line[i] >= 0) & (column[i] < columns) & (line[i] < rows);
+            seen[i] = easy[i] | (seen[i] & (border != BORDER_CONSTANT));
+        }
+        WRITE(easy, LOAD(pixels + CHANNELS * ((size_t)line[i] * columns + column[i])), fetch(&picture, column[i], line[i]))
     }
-    FIND
-    EACH {
-        seen[i] = fabs(x[i]) < INFINITY && fabs(y[i]) < INFINITY;
-        column[i] = cell_before(within(x[i]));
-        line[i] = cell_before(within(y[i]));
-        easy[i] = seen[i] & (column[i] >= 0) & (line[i] >= 0) & (column[i] < columns) & (line[i] < rows);
-        seen[i] = easy[i] | (seen[i] & (border != BORDER_CONSTANT));
-    }
-    WRITE(easy, LOAD(pixels + CHANNELS * ((size_t)line[i] * columns + column[i])), fetch(&picture, column[i], line[i]))
 }
 
 kernel void linear(ARGUMENTS) {
     BEGIN
-    if (QUICK(0.5, 0, 2)) {
-        WRITE_ALL(bilinear_inside(&picture, column[i], line[i], fx[i], fy[i]))
-        return;
+    EACH_ROW {
+        FIND_NEXT(0.5, 0, 2)
+        if (here->quick) {
+            WRITE_ALL(bilinear_inside(&picture, column[i], line[i], fx[i], fy[i]))
+            continue;
+        }
+        FIND
+        SPLIT
+        find_easy(easy, seen, column, line, fx, fy, 0, 2, &picture);
+        WRITE(easy, bilinear_inside(&picture, column[i], line[i], fx[i], fy[i]),
+              bilinear(&picture, column[i], line[i], fx[i], fy[i]))
     }
-    FIND
-    SPLIT
-    find_easy(easy, seen, column, line, fx, fy, 0, 2, &picture);
-    WRITE(easy, bilinear_inside(&picture, column[i], line[i], fx[i], fy[i]),
-          bilinear(&picture, column[i], line[i], fx[i], fy[i]))
 }
 
 inline T taps4_anywhere(const Picture *picture, int column, int row, const Four *across, const Four *down, int i) {
@@ -87,35 +114,41 @@ inline T taps4_anywhere(const Picture *picture, int column, int row, const Four 
 kernel void four(ARGUMENTS, int kind) {
     BEGIN
     Four across, down;
-    if (QUICK(0.5, 1, 4)) {
+    EACH_ROW {
+        FIND_NEXT(0.5, 1, 4)
+        if (here->quick) {
+            weigh4(&across, fx, kind);
+            weigh4(&down, fy, kind);
+            WRITE_ALL(taps4(pixels + (line[i] - 1) * pitch + CHANNELS * (column[i] - 1), pitch, &across, &down, i))
+            continue;
+        }
+        FIND
+        SPLIT
         weigh4(&across, fx, kind);
         weigh4(&down, fy, kind);
-        WRITE_ALL(taps4(pixels + (line[i] - 1) * pitch + CHANNELS * (column[i] - 1), pitch, &across, &down, i))
-        return;
+        find_easy(easy, seen, column, line, fx, fy, 1, 4, &picture);
+        WRITE(easy, taps4(pixels + (line[i] - 1) * pitch + CHANNELS * (column[i] - 1), pitch, &across, &down, i),
+              taps4_anywhere(&picture, column[i], line[i], &across, &down, i))
     }
-    FIND
-    SPLIT
-    weigh4(&across, fx, kind);
-    weigh4(&down, fy, kind);
-    find_easy(easy, seen, column, line, fx, fy, 1, 4, &picture);
-    WRITE(easy, taps4(pixels + (line[i] - 1) * pitch + CHANNELS * (column[i] - 1), pitch, &across, &down, i),
-          taps4_anywhere(&picture, column[i], line[i], &across, &down, i))
 }
 
 kernel void six(ARGUMENTS) {
     BEGIN
     Six across, down;
-    if (QUICK(0.5, 2, 6)) {
+    EACH_ROW {
+        FIND_NEXT(0.5, 2, 6)
+        if (here->quick) {
+            weigh6(&across, fx);
+            weigh6(&down, fy);
+            WRITE_ALL(taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i))
+            continue;
+        }
+        FIND
+        SPLIT
         weigh6(&across, fx);
         weigh6(&down, fy);
-        WRITE_ALL(taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i))
-        return;
+        find_easy(easy, seen, column, line, fx, fy, 2, 6, &picture);
+        WRITE(easy, taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i),
+              taps6_anywhere(&picture, column[i], line[i], &across, &down, i))
     }
-    FIND
-    SPLIT
-    weigh6(&across, fx);
-    weigh6(&down, fy);
-    find_easy(easy, seen, column, line, fx, fy, 2, 6, &picture);
-    WRITE(easy, taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i),
-          taps6_anywhere(&picture, column[i], line[i], &across, &down, i))
 }
