@@ -25,7 +25,8 @@ SEGMENT = 64
 """Pixels that one work-item does; `SEGMENT` in segment.clh."""
 GROUP = (1, 16)
 ROWS = 8
-"""Rows of segments that one work-item of taps.cl does; as there."""
+"""Rows of segments that one work-item of taps.cl does on a processor, one row of samples ahead of what it sums; where
+thousands of items run at once, they wait for one another's, and each does one."""
 BAND = 1 << 18
 """Pixels whose places are held at once: 12 MiB with their steps."""
 BORDERS: list[Border | Closed] = [*Border, *Closed]
@@ -147,7 +148,7 @@ def sampled(
 ) -> Array:
     """The result of one of the kernels of taps.cl, `size` (width, height), of a source with samples put `around` it."""
     width, height = size
-    out = aligned_empty((height, width, source.pixels.shape[2]))
+    out, own = aligned_empty((height, width, source.pixels.shape[2])), ROWS if device.is_cpu else 1
     with device.session() as session:
         blocks = Blocks(source, session)
         pictures = blocks.each()
@@ -155,9 +156,9 @@ def sampled(
             for channel, pixels in pictures:
                 columns, rows = band.grid
                 session.launch(
-                    "warp/taps.cl", kernel, (columns, -(-rows // ROWS)), band.matrix, band.table, *band.size, pixels,
+                    "warp/taps.cl", kernel, (columns, -(-rows // own)), band.matrix, band.table, *band.size, pixels,
                     *blocks.picture, np.int32(around), session.readwrite(out), np.int32(out.shape[2]),
-                    np.int32(channel), *further, local=(1, GROUP[1] // ROWS), defines=blocks.defines,
+                    np.int32(channel), *further, local=(1, GROUP[1] // own), defines=blocks.defines | {"ROWS": own},
                 )  # fmt: skip
     return out
 

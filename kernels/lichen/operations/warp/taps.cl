@@ -16,9 +16,8 @@ typedef struct {
     float fx[SEGMENT], fy[SEGMENT];
 } Found;
 
-/* A work-item does ROWS segments, one below the other, and finds each while the samples of the one before come from
- * memory: they lie apart, where no processor sees them coming. */
-#define ROWS 8
+/* A work-item does ROWS segments, a definition given at build time, one below the other, and finds each while the samples
+ * of the one before come from memory: they lie apart, where no processor sees them coming. */
 #define BEGIN                                                                                                          \
     const int first = get_global_id(0) * SEGMENT, begin = get_global_id(1) * ROWS, end = min(begin + ROWS, height);    \
     if (first >= width) return;                                                                                        \
