@@ -2,8 +2,8 @@
 //
 // WRAP: 0 clamp, 1 repeat, 2 mirror. BANDS 1: nearest entry. CONTOURS 1: lines are drawn. MADE channels of the palette;
 // where they are four or fewer, an entry takes four numbers and is one vector.
-// `n` holds low, range, spacing, offset, line width, then the line's colour. One work-item for 64 pixels of a row: where
-// each falls is found for all in full vectors, then entries are fetched pixel by pixel.
+// `n` holds low, range, spacing, offset, line width, then the line's colour. A work-item does 64 pixels of a row:
+// where each falls is found for all of them in full vectors, then entries are fetched pixel by pixel.
 
 #include "stream.clh"
 
@@ -24,8 +24,8 @@ kernel void map(global const float *restrict in, global const float *restrict pa
     int from = get_global_id(0) * SEGMENT, row = get_global_id(1);
     if (row >= rows || from >= columns)
         return;
-    int count = min(SEGMENT, columns - from), cell[SEGMENT], after[SEGMENT], nan[SEGMENT];
-    double part[SEGMENT];
+    int count = min(SEGMENT, columns - from), cell[SEGMENT], after[SEGMENT];
+    double part[SEGMENT]; // NaN where there is no value, which makes every channel so
     global const float *line = in + (size_t)row * columns * channels + channel;
     double low = n[0], range = n[1], steps = BANDS ? entries : entries - 1;
     int last = max(BANDS ? entries - 1 : entries - 2, 0);
@@ -40,13 +40,13 @@ kernel void map(global const float *restrict in, global const float *restrict pa
         t = t - 2.0 * floor(t * 0.5);
         t = t > 1.0 ? 2.0 - t : t;
 #endif
-        nan[i] = t != t;
         double place = t != t ? 0.0 : t * steps;
         int at = (int)place;
         at = at < last ? at : last;
         cell[i] = at > 0 ? at : 0;
         after[i] = min(cell[i] + 1, entries - 1);
-        part[i] = BANDS ? 0.0 : place - cell[i];
+        double rest = BANDS ? 0.0 : place - cell[i];
+        part[i] = t != t ? (double)NAN : rest;
     }
 #if CONTOURS
     double covers[SEGMENT];
@@ -71,7 +71,7 @@ kernel void map(global const float *restrict in, global const float *restrict pa
         double4 drawn = (double4)(n[5], MADE > 1 ? n[6] : 0.0, MADE > 2 ? n[7] : 0.0, MADE > 3 ? n[8] : 0.0);
         colour = colour + covers[i] * (drawn - colour);
 #endif
-        vstore4(nan[i] ? (float4)(NAN) : convert_float4(colour), 0, made + i * MADE);
+        vstore4(convert_float4(colour), 0, made + i * MADE);
     }
     if (count == SEGMENT)
         for (int i = 0; i < SEGMENT * MADE; i += 16)
@@ -87,7 +87,7 @@ kernel void map(global const float *restrict in, global const float *restrict pa
 #if CONTOURS
             colour = colour + covers[i] * (n[5 + c] - colour);
 #endif
-            y[i * MADE + c] = nan[i] ? NAN : (float)colour;
+            y[i * MADE + c] = (float)colour;
         }
 #endif
 }

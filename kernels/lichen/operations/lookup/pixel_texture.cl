@@ -64,8 +64,12 @@ LOOK_FN void locate(REAL y[MOST][SEGMENT], global const float *restrict in, glob
         REAL scale = n[k], bias = n[MOST + k];
         if (k >= channels)
             EACH c[k][i] = 0 * scale + bias;
-        else if (count == SEGMENT)
-            EACH c[k][i] = (REAL)in[i * channels + k] * scale + bias;
+        else if (count == SEGMENT && channels == 2)
+            EACH c[k][i] = (REAL)in[i * 2 + k] * scale + bias;
+        else if (count == SEGMENT && channels == 3)
+            EACH c[k][i] = (REAL)in[i * 3 + k] * scale + bias;
+        else if (count == SEGMENT && channels == 4)
+            EACH c[k][i] = (REAL)in[i * 4 + k] * scale + bias;
         else
             EACH c[k][i] = (REAL)in[min(i, count - 1) * channels + k] * scale + bias;
         if (before)
@@ -212,15 +216,14 @@ kernel void lookup(global const float *restrict in, global const float *restrict
     EACH easy[i] = !behind[i] & (i < count);
     for (int k = 0; k < DIMENSIONS; k++)
         split(&taps, k, y[k], nan, easy, sizes[k], unit);
-    size_t step[MOST], place[SEGMENT];
+    size_t step[MOST];
+    int place[SEGMENT], apart = 1;
+    EACH place[i] = taps.cell[0][i];
     step[0] = made;
-    for (int k = 1; k < DIMENSIONS; k++)
-        step[k] = step[k - 1] * sizes[k - 1];
-    EACH {
-        size_t from = 0;
-        for (int k = 0; k < DIMENSIONS; k++)
-            from += step[k] * taps.cell[k][i];
-        place[i] = from;
+    for (int k = 1; k < DIMENSIONS; k++) {
+        apart *= sizes[k - 1];
+        step[k] = (size_t)apart * made;
+        EACH place[i] += (int)((uint)apart * (uint)taps.cell[k][i]);
     }
     int quick = 1;
     EACH quick &= easy[i];
@@ -229,18 +232,21 @@ kernel void lookup(global const float *restrict in, global const float *restrict
     if (quick) {
 #if DIMENSIONS == 2
         EACH {
-            stream_ask(texels + place[i]);
-            stream_ask(texels + place[i] + (TAPS - 1) * (step[0] + step[1]));
+            stream_ask(texels + (size_t)place[i] * MADE);
+            stream_ask(texels + (size_t)place[i] * MADE + (TAPS - 1) * (step[0] + step[1]));
         }
 #endif
-        EACH STORE(SUM(texels + place[i], &taps, step, i), out + i * MADE, pixels * MADE);
+        EACH {
+            const T sum = SUM(texels + (size_t)place[i] * MADE, &taps, step, i);
+            STORE(sum, out + i * MADE, pixels * MADE);
+        }
         return;
     }
 #endif
     for (int i = 0; i < count; i++)
         for (int c = 0; c < (MADE ? 1 : made); c++)
             if (easy[i])
-                STORE(summed(texels + place[i] + c, &taps, step, i), out + (size_t)i * made + c, 0);
+                STORE(summed(texels + (size_t)place[i] * made + c, &taps, step, i), out + (size_t)i * made + c, 0);
             else {
                 T value = nan[i] ? (T)(NAN) : (T)(background);
                 if (!nan[i] & !behind[i])
