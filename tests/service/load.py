@@ -199,10 +199,12 @@ def resident(pids: Sequence[int]) -> dict[int, float]:
 
 def bombs() -> None:
     sys.path.insert(0, str(Path(__file__).parents[1] / "kernels"))
-    from test_files_hostile import claims, long_chain, valid
+    from test_files_hostile import claims, hollow, long_chain, ring, valid
 
     files = {f"{name} of gigapixels": data for name, data in claims().items()}
     files["a TIFF of 100,000 directories"] = long_chain(valid("tiff uint8"), 100_000)
+    files["a TIFF of directories without end, in 3 kB"] = ring(valid("tiff uint8"))
+    files["a TIFF of hollow directories, in 5 kB"] = hollow(valid("tiff uint8"))
     files["half a PNG"] = PHOTO[: len(PHOTO) // 2]
     with served(threads=2, spare="off", decoders=1) as service:
         for kind in ("png uint8", "jpeg uint8", "tiff uint8", "exr float32", "webp uint8", "npy uint8"):

@@ -15,9 +15,9 @@ The facade in `lichen.files` does what is common to all: recognising, limits, tu
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,7 +25,15 @@ from lichen.errors import Flaw, InvalidRequest, TooLarge, UnreadableImage, Unsup
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array
 
+MOST_PAGES = 1001
+"""Pictures in one file are counted no further: to find them takes time, however few bytes they are."""
+MOST_PARTS = 5000
+"""Chunks, segments and attributes of a header; more make a small file slow on purpose."""
+
 Data = bytes | bytearray | memoryview
+
+
+_Part = TypeVar("_Part")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +44,7 @@ class Limits:
     side: int = 65_536
     channels: int = 64
     bytes: int = 1 << 31
+    pages: int = 1000
 
 
 @dataclass(frozen=True)
@@ -50,7 +59,7 @@ class Header:
     space: Space
     alpha: Alpha = Alpha.NONE
     pages: int = 1
-    """pictures in the file; only the first is decoded"""
+    """pictures in the file, of which only the first is decoded; counted to `MOST_PAGES`"""
     orientation: int = 1
     """how the stored rows lie, as EXIF counts it; 5 to 8 swap width and height"""
     metadata: Mapping[str, Any] = field(default_factory=dict)
@@ -75,11 +84,13 @@ class Header:
             ("pixels", "px", self.width * self.height, limits.pixels),
             ("channels", "", self.channels, limits.channels),
             ("bytes", "bytes decoded", self.decoded_bytes, limits.bytes),
+            ("pages", "pictures", self.pages, limits.pages),
         )
         crossed = [claim for claim in claims if claim[2] > claim[3]]
         if crossed:
             raise TooLarge(
-                f"The {self.format} header claims {self.width}x{self.height} with {self.channels} channels.",
+                f"The {self.format} header claims {self.width}x{self.height} with {self.channels} channels"
+                f"{f', and {self.pages} pictures' * (self.pages > limits.pages)}.",
                 [Flaw(f"/image/{name}", f"{actual} {unit}, at most {limit}") for name, unit, actual, limit in crossed],
                 limit=crossed[0][3],
                 actual=crossed[0][2],
@@ -223,6 +234,15 @@ def take(data: memoryview, start: int, size: int, what: str) -> memoryview:
 def unpack(layout: str, data: memoryview, start: int, what: str) -> tuple[Any, ...]:
     """`struct.unpack` at an offset, or `UnreadableImage` where the file ends before."""
     return struct.unpack(layout, take(data, start, struct.calcsize(layout), what))
+
+
+def few(parts: Iterable[_Part], what: str) -> Iterator[_Part]:
+    """The parts of a header; raises `TooLarge` where there are more than `MOST_PARTS`."""
+    for number, part in enumerate(parts, 1):
+        if number > MOST_PARTS:
+            detail = f"The header consists of more than {MOST_PARTS} {what}."
+            raise TooLarge(detail, [Flaw("/image", detail)], limit=MOST_PARTS, actual=number)
+        yield part
 
 
 def picture_channels(name: str, grey_alpha: bool) -> Callable[[Image], str | None]:

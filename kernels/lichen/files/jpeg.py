@@ -22,7 +22,7 @@ import simplejpeg
 
 from lichen.errors import UnreadableImage, UnsupportedFormat
 from lichen.files import icc, ifd
-from lichen.files.format import Format, Header, take, unpack
+from lichen.files.format import Format, Header, few, take, unpack
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array
 
@@ -67,7 +67,7 @@ def _segments(data: memoryview) -> Iterator[tuple[int, memoryview]]:
 
 def read_header(data: memoryview) -> Header:
     orientation, profile = 1, {}
-    for marker, body in _segments(data):
+    for marker, body in few(_segments(data), "segments"):
         if marker in _OTHER_FRAMES:
             raise UnsupportedFormat("Only baseline and progressive JPEG with Huffman coding are supported.")
         if marker == 0xE1 and bytes(body[:6]) == _EXIF:
