@@ -5,7 +5,8 @@ A format is one module with three functions, always in the same order:
 * `read_header(data) -> Header` parses the header itself, in plain Python, and trusts nothing: every offset is checked.
   Formats of data are the exception: a library reads them, and who does not trust the bytes lets a process do so that
   may die of it.
-* `read_samples(data, header) -> Array` gives the samples as stored, shape (rows, columns, channels), not yet upright.
+* `read_samples(data, header) -> Array` gives the samples as stored, shape (rows, columns, channels), not yet upright;
+  formats that can place them are told where (`Format.samples`).
 * `write(samples, image, quality) -> bytes` writes samples that already have the storage of the file; several pictures
   where the image has `pages`.
 
@@ -20,10 +21,11 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from lichen.errors import Flaw, InvalidRequest, TooLarge, UnreadableImage, UnsupportedFormat
 from lichen.image import Alpha, Image, Space, Storage
-from lichen.memory import Array
+from lichen.memory import Array, aligned_empty
 
 MOST_PAGES = 1001
 """Pictures in one file are counted no further: to find them takes time, however few bytes they are."""
@@ -33,6 +35,8 @@ MOST_PARTS = 5000
 Data = bytes | bytearray | memoryview
 
 
+Allocate = Callable[[tuple[int, ...], npt.DTypeLike], Array]
+"""An uninitialised array of a shape and a type."""
 _Part = TypeVar("_Part")
 
 
@@ -132,10 +136,13 @@ class Format:
     """the one kind of coverage it can hold; None: any"""
     read_header: Callable[..., Header]
     """of the bytes; and of a selection (text), where the format `selects`"""
-    read_samples: Callable[[memoryview, Header], Array]
+    read_samples: Callable[..., Array]
+    """of the bytes and their header; and of an `Allocate`, where the format `places` its samples"""
     write: Callable[[Array, Image, int | None], bytes]
     paged: bool = False
     """whether it can hold several pictures"""
+    places: bool = False
+    """whether it decodes into memory that it is given"""
     selects: bool = False
     """whether it is a format of data, of which a part is read: see `lichen.files.selection`. None of them is written"""
     modules: tuple[str, ...] = ()
@@ -144,6 +151,10 @@ class Format:
     def header(self, data: memoryview, select: str = "") -> Header:
         """The header of the bytes, of the selected part. The selection means nothing to formats of pictures."""
         return self.read_header(data, select) if self.selects else self.read_header(data)
+
+    def samples(self, data: memoryview, header: Header, allocate: Allocate = aligned_empty) -> Array:
+        """The samples as stored, in memory of the caller's where the format can place them there."""
+        return self.read_samples(data, header, allocate) if self.places else self.read_samples(data, header)
 
     @property
     def media_type(self) -> str:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import json
+import math
 import os
 import resource
 import signal
@@ -22,10 +23,12 @@ import sys
 from collections.abc import Iterator
 
 import numpy as np
+import numpy.typing as npt
 
 from lichen.errors import LichenError, TooLarge, UnreadableImage
 from lichen.files import FORMATS, decode, encode, recognise
 from lichen.image import Image
+from lichen.memory import Array
 from lichen_service.decoding import messages
 
 FILES = 64
@@ -64,11 +67,11 @@ def _decode(asked: dict[str, object], descriptor: int) -> tuple[dict[str, object
         with messages.mapped(descriptor) as data, memoryview(data) as view:
             try:
                 format = recognise(view)
-                with _closed(format.modules):
-                    header = format.header(view, str(asked.get("select", "")))
-                    samples = np.ascontiguousarray(format.read_samples(view, header))
-                said = messages.said_of(samples)
-                return said, messages.shared(memoryview(samples.view(np.uint8).reshape(-1).data), "samples")
+                with contextlib.closing(_Place()) as place:
+                    with _closed(format.modules):
+                        header = format.header(view, str(asked.get("select", "")))
+                        samples = np.ascontiguousarray(format.samples(view, header, place.allocate))
+                    return messages.said_of(samples), place.holds(samples)
             except LichenError as error:
                 error.__traceback__ = None  # its frames hold views of what is to be unmapped
                 return messages.said_of_error(error), None
@@ -76,6 +79,35 @@ def _decode(asked: dict[str, object], descriptor: int) -> tuple[dict[str, object
         return messages.said_of_error(TooLarge("Decoding the image takes more memory than it may.")), None
     except Exception:
         return messages.said_of_error(UnreadableImage("The image cannot be decoded.")), None
+
+
+class _Place:
+    """Shared memory for the samples: some formats write them there themselves, which spares a copy."""
+
+    def __init__(self) -> None:
+        self._array: Array | None = None
+        self._descriptor = -1
+
+    def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
+        kind = np.dtype(dtype)
+        self._descriptor = messages.room(math.prod(shape) * kind.itemsize, "samples")
+        try:
+            self._array = np.frombuffer(messages.mapped(self._descriptor), kind).reshape(shape)
+        except OSError:
+            raise MemoryError from None
+        return self._array
+
+    def holds(self, samples: Array) -> int:
+        """A descriptor of memory with these samples, which is the caller's to close."""
+        if samples is not self._array:
+            return messages.shared(memoryview(samples.view(np.uint8).reshape(-1).data), "samples")
+        kept, self._descriptor = self._descriptor, -1
+        return kept
+
+    def close(self) -> None:
+        self._array = None
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
 
 
 @contextlib.contextmanager

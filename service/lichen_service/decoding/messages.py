@@ -33,11 +33,21 @@ _ERRORS: Mapping[str, type[LichenError]] = {
 
 def shared(data: memoryview, name: str) -> int:
     """A descriptor of memory that holds a copy of the bytes."""
-    descriptor = os.memfd_create(name, os.MFD_CLOEXEC)
+    descriptor = room(len(data), name)
     try:
-        os.ftruncate(descriptor, len(data))
         while len(data):
             data = data[os.write(descriptor, data) :]
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def room(count: int, name: str) -> int:
+    """A descriptor of so many bytes of memory."""
+    descriptor = os.memfd_create(name, os.MFD_CLOEXEC)
+    try:
+        os.ftruncate(descriptor, count)
     except OSError:
         os.close(descriptor)
         raise
