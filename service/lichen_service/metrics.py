@@ -70,6 +70,7 @@ class Metrics:
     def answered(self, lines: Iterable[Mapping[str, Any]]) -> None:
         """Counts answers, from their lines in the access log; equal ones together, since each figure is a file's."""
         seconds: defaultdict[tuple[str, str, int], list[float]] = defaultdict(list)
+        problems: Counts[str] = Counts()
         received = sent = 0
         for line in lines:
             route, method = line.get("route", OTHER), line.get("method", "")
@@ -80,9 +81,11 @@ class Metrics:
             if "queue_ms" in line:
                 self._queue.observe(line["queue_ms"] / 1e3)
             if "problem" in line:
-                self._problems.labels(line["problem"]).inc()
+                problems[line["problem"]] += 1
             if line.get("operation") in self._operations:
                 self._ran(line)
+        for problem, count in problems.items():
+            self._problems.labels(problem).inc(count)
         for (route, method, status), each in seconds.items():
             self._requests.labels(route, method, str(status)).inc(len(each))
             _observe(self._seconds.labels(route), each)

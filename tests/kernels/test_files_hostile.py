@@ -19,6 +19,7 @@ from PIL import Image as Pictures
 
 from lichen import files
 from lichen.errors import LichenError, TooLarge, UnreadableImage, UnsupportedFormat
+from lichen.files import ifd
 from lichen.image import Image, Space, Storage, as_image
 
 SMALL = files.Limits(pixels=1_000_000)
@@ -140,6 +141,8 @@ def test_claims_take_no_memory() -> None:
     hostile = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(hostile)
     bombs = list(hostile.claims().values())
+    tiff = hostile.valid("tiff uint8")
+    bombs += [hostile.long_chain(tiff, 100_000), hostile.ring(tiff), hostile.hollow(tiff)]
     png = hostile.valid("png uint8")
     for name in (b"iCCP", b"zTXt"):
         body = b"x\\0\\0" + zlib.compress(bytes(100_000_000), 9)
@@ -163,30 +166,86 @@ def test_claims_take_no_memory() -> None:
     """
     run = subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, check=True)
     count, grown = map(int, run.stdout.split())
-    assert count == 10
+    assert count == 13
     assert grown < 20_000, f"{grown} kB"
 
 
 def long_chain(data: bytes, count: int) -> bytes:
-    """A TIFF with so many empty directories behind its own."""
+    """A TIFF with so many directories of one entry behind its own."""
     tiff = bytearray(data)
     first = struct.unpack_from("<I", tiff, 4)[0]
     struct.pack_into("<I", tiff, first + 2 + 12 * struct.unpack_from("<H", tiff, first)[0], len(tiff))
     for i in range(count):
-        tiff += struct.pack("<HI", 0, len(tiff) + 6 if i < count - 1 else 0)
+        tiff += struct.pack("<HHHIII", 1, 256, 4, 1, 31, len(tiff) + 18 if i < count - 1 else 0)
+    return bytes(tiff)
+
+
+def ring(data: bytes) -> bytes:
+    """A TIFF whose directory is followed by a hundred, of which the last is followed by the first: few bytes, and no
+    end of directories."""
+    tiff = bytearray(long_chain(data, 100))
+    tiff[-4:] = tiff[4:8]
+    return bytes(tiff)
+
+
+def hollow(data: bytes) -> bytes:
+    """A TIFF in 5 kB with 600 directories of six bytes each, which hold nothing."""
+    tiff = bytearray(long_chain(data, 1))
+    tiff[-4:] = struct.pack("<I", len(tiff))
+    for i in range(600):
+        tiff += struct.pack("<HI", 0, len(tiff) + 6 if i < 599 else 0)
     return bytes(tiff)
 
 
 def test_a_chain_of_directories_ends() -> None:
-    tiff = bytearray(valid("tiff uint8"))
-    first = struct.unpack_from("<I", tiff, 4)[0]
-    count = struct.unpack_from("<H", tiff, first)[0]
-    link = first + 2 + 12 * count
-    struct.pack_into("<I", tiff, link, first)
-    assert files.probe(bytes(tiff)).pages == 1
-    long = long_chain(valid("tiff uint8"), 100_000)
-    assert files.probe(long).pages == 1000
-    assert files.decode(long).width == 31
+    tiff = valid("tiff uint8")
+    for few in (0, 1, 999):
+        assert files.decode(long_chain(tiff, few) if few else tiff).width == 31
+    with pytest.raises(TooLarge, match="1001 pictures") as refused:
+        files.decode(long_chain(tiff, 100_000))
+    assert (refused.value.limit, refused.value.actual) == (1000, 1001)
+    assert [flaw.pointer for flaw in refused.value.flaws] == ["/image/pages"]
+    with pytest.raises(UnreadableImage, match="lead back"):
+        files.decode(ring(tiff))
+    with pytest.raises(UnreadableImage, match="no entries"):
+        files.decode(hollow(tiff))
+
+
+def test_of_a_directory_no_more_is_read_than_is_needed() -> None:
+    many = [struct.pack("<HHII", 338, 3, size, 100) for size in (50_000, 1, 50_000)]
+    values = bytes(100_000)
+    found = ifd.read(
+        memoryview(b"II*\0" + struct.pack("<IH", 8, len(many)) + b"".join(many) + values),
+        frozenset([338]),
+    )
+    assert len(found.values[338]) == 1024, "long values are cut, and the first of a tag stands"
+
+
+@pytest.mark.parametrize("name", ["png", "jpeg", "webp", "exr"])
+def test_headers_in_very_many_pieces_are_refused(name: str) -> None:
+    """Each piece takes time, and few bytes."""
+    kind = {"exr": "exr float32"}.get(name, f"{name} uint8")
+    data, at = valid(kind), {"png": 33, "jpeg": 2, "webp": 12, "exr": 8}[name]
+    piece = {
+        "png": struct.pack(">I4sI", 0, b"tEXt", zlib.crc32(b"tEXt")),
+        "jpeg": b"\xff\xfe\x00\x02",
+        "webp": b"EXIF" + struct.pack("<I", 0),
+        "exr": b"a\0string\0" + struct.pack("<i", 0),
+    }[name]
+    if name == "webp":
+        at = 12 + 8 + struct.unpack_from("<I", data, 16)[0]
+        at += at % 2
+
+    def made(count: int) -> bytes:
+        longer = bytearray(data[:at] + piece * count + data[at:])
+        if name == "webp":
+            struct.pack_into("<I", longer, 4, len(longer) - 8)
+        return bytes(longer)
+
+    assert files.probe(made(50)).width == files.probe(data).width
+    with pytest.raises(TooLarge, match="more than 5000") as refused:
+        files.probe(made(6000))
+    assert (refused.value.limit, refused.value.actual) == (5000, 5001)
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,11 @@
 """What the service does before clients that send nothing or mean harm, and when something dies.
 
-    python tests/service/load.py half-open|bombs|failures ...        (all of them without a name)
+    python tests/service/load.py half-open|bombs|decoders|failures ...        (all of them without a name)
 
-More load than it can bear is offered by `overload.py`. Half-open: 2000 connections that never
-finish their head. Bombs: how soon files made to harm are answered, and what memory they cost. Failures: what was
-accepted before is asked for after, and the time until the service answers again is taken.
+More load than it can bear is offered by `overload.py`. Half-open: 2000 connections that never finish their head.
+Bombs: how soon files made to harm are answered, and what memory they cost. Decoders: how long photographs of 12
+megapixels take in a decoder, and where nothing is between. Failures: what was accepted before is asked for after, and
+the time until the service answers again is taken.
 """
 
 from __future__ import annotations
@@ -22,14 +23,16 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import soak
 
-from lichen.files import encode
-from lichen.image import Image
+from lichen.files import Limits, decode, encode
+from lichen.image import Image, Space, Storage
+from lichen_service.decoding.pool import Decoders
 from lichen_service.http.limits import Bounds
 
 PHOTO = bytes(encode(Image(np.random.default_rng(1).random((64, 64, 3), np.float32)), "png").data)
@@ -199,10 +202,12 @@ def resident(pids: Sequence[int]) -> dict[int, float]:
 
 def bombs() -> None:
     sys.path.insert(0, str(Path(__file__).parents[1] / "kernels"))
-    from test_files_hostile import claims, long_chain, valid
+    from test_files_hostile import claims, hollow, long_chain, ring, valid
 
     files = {f"{name} of gigapixels": data for name, data in claims().items()}
     files["a TIFF of 100,000 directories"] = long_chain(valid("tiff uint8"), 100_000)
+    files["a TIFF of directories without end, in 3 kB"] = ring(valid("tiff uint8"))
+    files["a TIFF of hollow directories, in 5 kB"] = hollow(valid("tiff uint8"))
     files["half a PNG"] = PHOTO[: len(PHOTO) // 2]
     with served(threads=2, spare="off", decoders=1) as service:
         for kind in ("png uint8", "jpeg uint8", "tiff uint8", "exr float32", "webp uint8", "npy uint8"):
@@ -216,6 +221,32 @@ def bombs() -> None:
                 times.append(time.monotonic() - began)
             grown = max(after - before[pid] for pid, after in resident(pids).items())
             print(f"{name}: {status}, median {share(times, 0.5):.1f} ms, most {share(times, 1):.1f}, {grown:+.1f} MB")
+
+
+# ------------------------------------------------------------------------------------------------------------ decoders
+
+
+def decoders() -> None:
+    coarse = np.random.default_rng(3).random((300, 400, 3), np.float32)
+    photo = np.kron(coarse, np.ones((10, 10, 1), np.float32))
+    photo += np.random.default_rng(4).normal(0, 0.002, photo.shape).astype(np.float32)
+    image = Image(np.clip(photo, 0, 1), Space.SRGB)
+    files = {
+        "a JPEG": encode(image, "jpeg").data,
+        "a PNG of 16 bits": encode(image, "png", storage=Storage.UINT16).data,
+    }
+    pool = Decoders(1, 4 << 30, 60.0)
+    ways: dict[str, Callable[[bytes], Image]] = {"here": decode, "in a decoder": partial(pool.decode, limits=Limits())}
+    times: dict[str, list[float]] = {}
+    for _ in range(5):
+        for name, data in files.items():
+            for where, decoded in ways.items():
+                began = time.monotonic()
+                decoded(data)
+                times.setdefault(f"{name} of {len(data) / 1e6:.1f} MB, {where}", []).append(time.monotonic() - began)
+    pool.end()
+    for name, each in times.items():
+        print(f"{name}: median {share(each, 0.5):.0f}, least {share(each, 0):.0f} ms")
 
 
 # ------------------------------------------------------------------------------------------------------------ failures
@@ -329,6 +360,7 @@ def main(names: list[str]) -> None:
     parts: dict[str, Callable[[], None]] = {
         "half-open": half_open,
         "bombs": bombs,
+        "decoders": decoders,
         "failures": failures,
     }
     for name in names or parts:

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import importlib.util
+import struct
 import threading
+import zlib
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,7 +22,7 @@ from lichen_service.memory import Memory, reserve
 from lichen_service.refusals import Refusal
 from lichen_service.settings import Settings
 
-from .conftest import Caller, picture, problem_of
+from .conftest import Caller, picture, problem_of, read_json
 
 BLUR = "/v1/operations/gaussian?sigma=2&device=numpy"
 
@@ -130,3 +136,43 @@ def test_parameters_made_to_harm_are_refused_before_anything_is_computed(
     response = call("POST", target, png)
     assert response.status in (413, 422), (response.status, bytes(response.body)[:300])
     assert call.service.memory.held == 0
+
+
+@cache
+def bombs() -> Mapping[str, bytes]:
+    """Files made to harm, by name; most have a few thousand bytes."""
+    path = Path(__file__).parents[1] / "kernels" / "test_files_hostile.py"
+    spec = importlib.util.spec_from_file_location("hostile", path)
+    assert spec is not None
+    assert spec.loader is not None
+    hostile: Any = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(hostile)
+    png, tiff = hostile.valid("png uint8"), hostile.valid("tiff uint8")
+    packed = b"x\0\0" + zlib.compress(bytes(100_000_000), 9)
+    profile = struct.pack(">I", len(packed)) + b"iCCP" + packed + struct.pack(">I", zlib.crc32(b"iCCP" + packed))
+    text = struct.pack(">I4sI", 0, b"tEXt", zlib.crc32(b"tEXt"))
+    objects = b"{'descr': '|O', 'fortran_order': False, 'shape': (9, 9), }  \n"
+    gif = b"GIF89a" + struct.pack("<HHBBB", 65535, 65535, 0, 0, 0) + b"\x2c" * 100
+    return {
+        **hostile.claims(),
+        "a profile that unpacks to 100 MB": png[:33] + profile + png[33:],
+        "6000 chunks": png[:33] + text * 6000 + png[33:],
+        "100,000 directories": hostile.long_chain(tiff, 100_000),
+        "directories without end": hostile.ring(tiff),
+        "hollow directories": hostile.hollow(tiff),
+        "objects": b"\x93NUMPY\1\0" + struct.pack("<H", len(objects)) + objects,
+        "frames of a format nobody reads": gif,
+    }
+
+
+def test_files_made_to_harm_are_refused_by_their_headers(call: Caller, monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_args: object, **_kwargs: object) -> object:
+        raise AssertionError("a decoder was asked")
+
+    monkeypatch.setattr(call.service.decoders, "decode", never)
+    for name, data in bombs().items():
+        response = call("POST", BLUR, data)
+        assert response.status in (413, 415, 422), (name, response.status, bytes(response.body)[:300])
+        (flaw,) = read_json(response)["errors"][:1]
+        assert flaw["pointer"].startswith("/inputs/image"), name
+        assert call.service.memory.held == 0

@@ -27,7 +27,7 @@ from lichen.files.jpeg import jpeg
 from lichen.files.netcdf import netcdf
 from lichen.files.npy import npy
 from lichen.files.png import png
-from lichen.files.samples import to_floats, to_storage, upright
+from lichen.files.samples import extent_of, to_floats, to_storage, upright
 from lichen.files.tiff import tiff
 from lichen.files.vti import vti
 from lichen.files.webp import webp
@@ -79,7 +79,7 @@ def decode(data: Data, *, limits: Limits | None = None, media_type: str | None =
     format = recognise(view, media_type=media_type)
     header = format.header(view, select)
     header.check(limits or Limits())
-    return assembled(header, format.read_samples(view, header))
+    return assembled(header, format.samples(view, header))
 
 
 def assembled(header: Header, samples: Array) -> Image:
@@ -87,7 +87,10 @@ def assembled(header: Header, samples: Array) -> Image:
     if samples.shape != header.stored_shape:
         raise UnreadableImage(f"The {header.format} header claims {header.stored_shape}, the data {samples.shape}.")
     pixels = to_floats(upright(samples, header.orientation))
-    return Image(pixels, header.space, header.alpha, header.storage, header.metadata)
+    image = Image(pixels, header.space, header.alpha, header.storage, header.metadata)
+    if (extent := extent_of(samples)) is not None:
+        vars(image)["extent"] = extent  # measured where there are fewer bytes
+    return image
 
 
 def encode(image: Image, format: str, *, storage: Storage | None = None, quality: int | None = None) -> Encoded:

@@ -18,13 +18,14 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
 
 from lichen.errors import UnreadableImage, UnsupportedFormat
 from lichen.files import deflate, memory_file
-from lichen.files.format import Format, Header, take, unpack
+from lichen.files.format import MOST_PAGES, MOST_PARTS, Format, Header, few, take, unpack
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array
 
@@ -62,7 +63,6 @@ _NAMED = {Space.LINEAR: "lin_rec709_scene", Space.SRGB: "srgb_rec709_scene", Spa
 _BT709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 _CARRIED = 1 << 20
 """Bytes; longer attributes are left behind."""
-_HEADERS = 1000
 
 Attributes = dict[str, tuple[str, memoryview]]
 
@@ -87,14 +87,15 @@ def _text(data: memoryview, start: int) -> tuple[str, int]:
 
 def _attributes(data: memoryview, start: int) -> tuple[Attributes, int]:
     found: Attributes = {}
-    while True:
+    for _ in few(count(), "attributes"):
         name, start = _text(data, start)
         if not name:
-            return found, start
+            break
         kind, start = _text(data, start)
         size = unpack("<i", data, start, "EXR header")[0]
         found[name] = (kind, take(data, start + 4, size, f"EXR attribute {name!r}"))
         start += 4 + size
+    return found, start
 
 
 def read_header(data: memoryview) -> Header:
@@ -102,9 +103,10 @@ def read_header(data: memoryview) -> Header:
     if version & 0xFF != 2:
         raise UnreadableImage(f"EXR version {version & 0xFF} is not known.")
     found, end = _attributes(data, 8)
-    parts = 1
-    while version & _MULTIPART and parts < _HEADERS:
+    parts, held = 1, len(found)
+    while version & _MULTIPART and parts < MOST_PAGES and held < MOST_PARTS:
         following, end = _attributes(data, end)
+        held += len(following)
         if not following:
             break
         parts += 1

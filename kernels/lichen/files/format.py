@@ -5,7 +5,8 @@ A format is one module with three functions, always in the same order:
 * `read_header(data) -> Header` parses the header itself, in plain Python, and trusts nothing: every offset is checked.
   Formats of data are the exception: a library reads them, and who does not trust the bytes lets a process do so that
   may die of it.
-* `read_samples(data, header) -> Array` gives the samples as stored, shape (rows, columns, channels), not yet upright.
+* `read_samples(data, header) -> Array` gives the samples as stored, shape (rows, columns, channels), not yet upright;
+  formats that can place them are told where (`Format.samples`).
 * `write(samples, image, quality) -> bytes` writes samples that already have the storage of the file; several pictures
   where the image has `pages`.
 
@@ -15,17 +16,28 @@ The facade in `lichen.files` does what is common to all: recognising, limits, tu
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from lichen.errors import Flaw, InvalidRequest, TooLarge, UnreadableImage, UnsupportedFormat
 from lichen.image import Alpha, Image, Space, Storage
-from lichen.memory import Array
+from lichen.memory import Array, aligned_empty
+
+MOST_PAGES = 1001
+"""Pictures in one file are counted no further: to find them takes time, however few bytes they are."""
+MOST_PARTS = 5000
+"""Chunks, segments and attributes of a header; more make a small file slow on purpose."""
 
 Data = bytes | bytearray | memoryview
+
+
+Allocate = Callable[[tuple[int, ...], npt.DTypeLike], Array]
+"""An uninitialised array of a shape and a type."""
+_Part = TypeVar("_Part")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +48,7 @@ class Limits:
     side: int = 65_536
     channels: int = 64
     bytes: int = 1 << 31
+    pages: int = 1000
 
 
 @dataclass(frozen=True)
@@ -50,7 +63,7 @@ class Header:
     space: Space
     alpha: Alpha = Alpha.NONE
     pages: int = 1
-    """pictures in the file; only the first is decoded"""
+    """pictures in the file, of which only the first is decoded; counted to `MOST_PAGES`"""
     orientation: int = 1
     """how the stored rows lie, as EXIF counts it; 5 to 8 swap width and height"""
     metadata: Mapping[str, Any] = field(default_factory=dict)
@@ -75,11 +88,13 @@ class Header:
             ("pixels", "px", self.width * self.height, limits.pixels),
             ("channels", "", self.channels, limits.channels),
             ("bytes", "bytes decoded", self.decoded_bytes, limits.bytes),
+            ("pages", "pictures", self.pages, limits.pages),
         )
         crossed = [claim for claim in claims if claim[2] > claim[3]]
         if crossed:
             raise TooLarge(
-                f"The {self.format} header claims {self.width}x{self.height} with {self.channels} channels.",
+                f"The {self.format} header claims {self.width}x{self.height} with {self.channels} channels"
+                f"{f', and {self.pages} pictures' * (self.pages > limits.pages)}.",
                 [Flaw(f"/image/{name}", f"{actual} {unit}, at most {limit}") for name, unit, actual, limit in crossed],
                 limit=crossed[0][3],
                 actual=crossed[0][2],
@@ -121,10 +136,13 @@ class Format:
     """the one kind of coverage it can hold; None: any"""
     read_header: Callable[..., Header]
     """of the bytes; and of a selection (text), where the format `selects`"""
-    read_samples: Callable[[memoryview, Header], Array]
+    read_samples: Callable[..., Array]
+    """of the bytes and their header; and of an `Allocate`, where the format `places` its samples"""
     write: Callable[[Array, Image, int | None], bytes]
     paged: bool = False
     """whether it can hold several pictures"""
+    places: bool = False
+    """whether it decodes into memory that it is given"""
     selects: bool = False
     """whether it is a format of data, of which a part is read: see `lichen.files.selection`. None of them is written"""
     modules: tuple[str, ...] = ()
@@ -133,6 +151,10 @@ class Format:
     def header(self, data: memoryview, select: str = "") -> Header:
         """The header of the bytes, of the selected part. The selection means nothing to formats of pictures."""
         return self.read_header(data, select) if self.selects else self.read_header(data)
+
+    def samples(self, data: memoryview, header: Header, allocate: Allocate = aligned_empty) -> Array:
+        """The samples as stored, in memory of the caller's where the format can place them there."""
+        return self.read_samples(data, header, allocate) if self.places else self.read_samples(data, header)
 
     @property
     def media_type(self) -> str:
@@ -223,6 +245,15 @@ def take(data: memoryview, start: int, size: int, what: str) -> memoryview:
 def unpack(layout: str, data: memoryview, start: int, what: str) -> tuple[Any, ...]:
     """`struct.unpack` at an offset, or `UnreadableImage` where the file ends before."""
     return struct.unpack(layout, take(data, start, struct.calcsize(layout), what))
+
+
+def few(parts: Iterable[_Part], what: str) -> Iterator[_Part]:
+    """The parts of a header; raises `TooLarge` where there are more than `MOST_PARTS`."""
+    for number, part in enumerate(parts, 1):
+        if number > MOST_PARTS:
+            detail = f"The header consists of more than {MOST_PARTS} {what}."
+            raise TooLarge(detail, [Flaw("/image", detail)], limit=MOST_PARTS, actual=number)
+        yield part
 
 
 def picture_channels(name: str, grey_alpha: bool) -> Callable[[Image], str | None]:

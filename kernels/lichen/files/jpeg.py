@@ -22,7 +22,7 @@ import simplejpeg
 
 from lichen.errors import UnreadableImage, UnsupportedFormat
 from lichen.files import icc, ifd
-from lichen.files.format import Format, Header, take, unpack
+from lichen.files.format import Allocate, Format, Header, few, take, unpack
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array
 
@@ -67,7 +67,7 @@ def _segments(data: memoryview) -> Iterator[tuple[int, memoryview]]:
 
 def read_header(data: memoryview) -> Header:
     orientation, profile = 1, {}
-    for marker, body in _segments(data):
+    for marker, body in few(_segments(data), "segments"):
         if marker in _OTHER_FRAMES:
             raise UnsupportedFormat("Only baseline and progressive JPEG with Huffman coding are supported.")
         if marker == 0xE1 and bytes(body[:6]) == _EXIF:
@@ -100,17 +100,21 @@ def _header(frame: memoryview, orientation: int, profile: bytes | None) -> Heade
     )
 
 
-def read_samples(data: memoryview, header: Header) -> Array:
+def read_samples(data: memoryview, header: Header, allocate: Allocate) -> Array:
     if len(data) * 8 < header.details:  # each block takes a bit at least
         raise UnreadableImage(f"{len(data)} bytes of JPEG cannot hold {header.width}x{header.height} pixels.")
     scans = sum(marker == 0xDA for marker, _ in _segments(data))
     if scans > _SCANS:
         raise UnreadableImage(f"The JPEG file holds {scans} scans; no more than {_SCANS} make sense.")
+    place = allocate(header.stored_shape, np.uint8)
+    kind = "GRAY" if header.channels == 1 else "RGB"
     try:
-        samples: Array = simplejpeg.decode_jpeg(data, colorspace="GRAY" if header.channels == 1 else "RGB", strict=True)
+        samples: Array = simplejpeg.decode_jpeg(data, colorspace=kind, strict=True, buffer=place)
     except ValueError as failure:
         raise UnreadableImage(f"The JPEG file is damaged: {failure}.") from None
-    return samples
+    if samples.shape != place.shape:
+        raise UnreadableImage(f"The JPEG frame holds {samples.shape}, its header claims {place.shape}.")
+    return place
 
 
 def write(samples: Array, image: Image, quality: int | None) -> bytes:
@@ -153,4 +157,5 @@ jpeg = Format(
     read_header=read_header,
     read_samples=read_samples,
     write=write,
+    places=True,
 )

@@ -21,7 +21,7 @@ import numpy as np
 
 from lichen.errors import UnreadableImage
 from lichen.files import deflate, icc, ifd, memory_file
-from lichen.files.format import Format, Header, picture_channels, take, unpack
+from lichen.files.format import Format, Header, few, picture_channels, take, unpack
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array
 
@@ -58,7 +58,7 @@ def _chunks(data: memoryview) -> Iterator[_Chunk]:
 def read_header(data: memoryview) -> Header:
     fixed: tuple[int, ...] = ()
     found: dict[bytes, bytes] = {}
-    for chunk in _chunks(data):
+    for chunk in few(_chunks(data), "chunks"):
         if not fixed:
             if chunk.name != b"IHDR" or len(chunk.body) != 13:
                 raise UnreadableImage("The PNG file does not begin with its header.")

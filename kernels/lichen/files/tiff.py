@@ -56,7 +56,7 @@ _UNCOMPRESSED, _JPEG = 1, 7
 
 
 def read_header(data: memoryview) -> Header:
-    directory = ifd.read(data, longest=icc.LARGEST, wanted=_WANTED)
+    directory = ifd.read(data, _WANTED, {_PROFILE: icc.LARGEST})
     width, height = directory.number(_WIDTH, 0), directory.number(_HEIGHT, 0)
     if width < 1 or height < 1:
         raise UnreadableImage(f"The TIFF directory claims {width}x{height} pixels.")

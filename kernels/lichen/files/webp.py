@@ -18,12 +18,11 @@ import numpy as np
 
 from lichen.errors import UnreadableImage
 from lichen.files import icc, ifd
-from lichen.files.format import Format, Header, picture_channels, take, unpack
+from lichen.files.format import MOST_PAGES, Format, Header, few, picture_channels, take, unpack
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array
 
 _ALPHA = 0x10
-_PAGES = 1000
 FRAME_MS = 42
 """How long each picture of an animation is shown: 24 a second."""
 
@@ -41,7 +40,7 @@ def _chunks(data: memoryview) -> Iterator[tuple[bytes, memoryview]]:
 def read_header(data: memoryview) -> Header:
     width = height = frames = 0
     alpha, orientation, profile = False, 1, None
-    for name, body in _chunks(data):
+    for name, body in few(_chunks(data), "chunks"):
         if not width and name == b"VP8X":
             flags, right, bottom = unpack("<I3s3s", body, 0, "VP8X chunk")
             alpha = bool(flags & _ALPHA)
@@ -64,7 +63,9 @@ def read_header(data: memoryview) -> Header:
         elif name == b"EXIF":
             orientation = ifd.orientation(body)
         elif name == b"ANMF":
-            frames = min(frames + 1, _PAGES)
+            frames += 1
+            if frames == MOST_PAGES:
+                break
     if 0 in (width, height):
         raise UnreadableImage("The WebP file holds no image.")
     space, metadata = icc.read(profile, 3, Space.SRGB)

@@ -22,11 +22,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import structlog
-
 from lichen_service import durable
-
-log = structlog.get_logger("lichen_service")
 
 SCOPES = ("run", "assets", "jobs", "metrics")
 """What a key may be for: computing, storing inputs, work in the background, figures of the service."""
@@ -131,6 +127,9 @@ class KeyFile:
                 self._keys, self._stamp = read(self.path), stamp
         except (OSError, ValueError) as failure:
             if self._keys != Keys():
+                import structlog  # slow to load, and the supervisor never has to say anything
+
+                log = structlog.get_logger("lichen_service")
                 log.error("the file of keys cannot be read; no key is good now", reason=str(failure))
             self._keys, self._stamp = Keys(), None
         return self._keys

@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import json
+import math
 import os
 import resource
 import signal
@@ -22,60 +23,87 @@ import sys
 from collections.abc import Iterator
 
 import numpy as np
+import numpy.typing as npt
 
 from lichen.errors import LichenError, TooLarge, UnreadableImage
 from lichen.files import FORMATS, decode, encode, recognise
 from lichen.image import Image
+from lichen.memory import Array
 from lichen_service.decoding import messages
 
 FILES = 64
-"""Descriptors; codecs open none, the messages bring two."""
+"""Descriptors; codecs open none, a message brings one."""
 
 
 def main(descriptor: int, memory: int) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _warm_up()
     _limit(memory)
+    place = _Place()
     with socket.socket(fileno=descriptor) as service:
         service.sendmsg([b"{}"])
         while True:
             packet, descriptors, _, _ = socket.recv_fds(service, messages.LARGEST, 1)
             if not packet:
                 return 0
-            _answer(service, json.loads(packet), descriptors[0])
+            place.room.clear()
+            _answer(service, json.loads(packet), descriptors[0], place)
 
 
-def _answer(service: socket.socket, asked: dict[str, object], descriptor: int) -> None:
+def _answer(service: socket.socket, asked: dict[str, object], descriptor: int, place: _Place) -> None:
     try:
-        said, memory = _decode(asked, descriptor)
+        said = _decode(asked, descriptor, place)
     finally:
         os.close(descriptor)
-    try:
-        socket.send_fds(service, [messages.dumps(said)], [] if memory is None else [memory])
-    finally:
-        if memory is not None:
-            os.close(memory)
+    socket.send_fds(service, [messages.dumps(said)], [] if "error" in said else [place.room.descriptor])
 
 
-def _decode(asked: dict[str, object], descriptor: int) -> tuple[dict[str, object], int | None]:
-    """What is to be said, and the memory of the samples."""
+def _decode(asked: dict[str, object], descriptor: int, place: _Place) -> dict[str, object]:
+    """What is to be said; the samples are in their place then."""
     _allow(float(asked["seconds"]))  # type: ignore[arg-type]
     try:
-        with messages.mapped(descriptor) as data, memoryview(data) as view:
+        with messages.mapped(descriptor, int(asked["count"])) as data, memoryview(data) as view:  # type: ignore[call-overload]
             try:
                 format = recognise(view)
                 with _closed(format.modules):
                     header = format.header(view, str(asked.get("select", "")))
-                    samples = np.ascontiguousarray(format.read_samples(view, header))
-                said = messages.said_of(samples)
-                return said, messages.shared(memoryview(samples.view(np.uint8).reshape(-1).data), "samples")
+                    samples = np.ascontiguousarray(format.samples(view, header, place.allocate))
+                place.take(samples)
+                return messages.said_of(samples)
             except LichenError as error:
                 error.__traceback__ = None  # its frames hold views of what is to be unmapped
-                return messages.said_of_error(error), None
+                return messages.said_of_error(error)
     except MemoryError:
-        return messages.said_of_error(TooLarge("Decoding the image takes more memory than it may.")), None
+        return messages.said_of_error(TooLarge("Decoding the image takes more memory than it may."))
     except Exception:
-        return messages.said_of_error(UnreadableImage("The image cannot be decoded.")), None
+        return messages.said_of_error(UnreadableImage("The image cannot be decoded."))
+    finally:
+        place.leave()
+
+
+class _Place:
+    """Where samples go; some formats write them there themselves, which spares a copy."""
+
+    def __init__(self) -> None:
+        self.room = messages.Room("samples")
+        self._array: Array | None = None
+
+    def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
+        kind = np.dtype(dtype)
+        count = math.prod(shape) * kind.itemsize
+        self.room.make(count)
+        try:
+            self._array = np.frombuffer(messages.mapped(self.room.descriptor, count), kind).reshape(shape)
+        except OSError:
+            raise MemoryError from None
+        return self._array
+
+    def take(self, samples: Array) -> None:
+        if samples is not self._array:
+            self.room.write(memoryview(samples.view(np.uint8).reshape(-1).data))
+
+    def leave(self) -> None:
+        self._array = None
 
 
 @contextlib.contextmanager

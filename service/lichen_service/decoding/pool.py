@@ -22,19 +22,21 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
+import numpy as np
 import structlog
 
 from lichen.errors import UnreadableImage, UnsupportedFormat
 from lichen.files import Data, Limits, assembled, decode, encode, recognise
 from lichen.image import Image, Space
-from lichen.memory import Array
+from lichen.memory import Array, aligned_empty
 from lichen_service.decoding import messages
 from lichen_service.refusals import RETRY_AFTER, Refusal
 
 log = structlog.get_logger("lichen_service")
+Made = TypeVar("Made")
 
 USES = 2000
 STARTING = 60.0
@@ -46,6 +48,15 @@ _ENVIRONMENT = {"OPENCV_FOR_THREADS_NUM": "1", "OMP_NUM_THREADS": "1", "MALLOC_A
 
 
 UNABLE = "The image cannot be decoded: what decodes it failed, or took too long."
+
+
+def _own(image: Image, samples: Array) -> Image:
+    """An image that does not lie in the memory of its samples."""
+    if not np.may_share_memory(image.pixels, samples):
+        return image
+    pixels = aligned_empty(image.pixels.shape, image.pixels.dtype)
+    pixels[...] = image.pixels
+    return image.replace(pixels=pixels)
 
 
 class Died(Exception):
@@ -61,30 +72,31 @@ class Decoder:
     process: subprocess.Popen[bytes]
     socket: socket.socket
     uses: int = 0
+    given: messages.Room = field(default_factory=lambda: messages.Room("image"))
 
     def ask(self, data: Data, asked: Mapping[str, Any], seconds: float) -> Array:
-        """Raises `Died`, or what the decoder found wrong."""
+        """The samples, whose memory is the decoder's: they are gone when it is asked again. Raises `Died`, or what the
+        decoder found wrong."""
         self.uses += 1
-        given = messages.shared(memoryview(data).cast("B"), "image")
         try:
+            self.given.write(memoryview(data).cast("B"))
             self.socket.settimeout(max(seconds, 0.001))
-            socket.send_fds(self.socket, [messages.dumps(asked)], [given])
+            message = messages.dumps({**asked, "count": memoryview(data).nbytes})
+            socket.send_fds(self.socket, [message], [self.given.descriptor])
             packet, descriptors, _, _ = socket.recv_fds(self.socket, messages.LARGEST, 1)
+            self.given.clear()
         except OSError as failure:
             raise Died(str(failure)) from None
-        finally:
-            os.close(given)
         try:
             if not packet:
                 raise Died("its end of the socket closed")
             said = json.loads(packet)
             if "error" in said:
                 raise messages.error_of(said)
-            memory = messages.mapped(descriptors[0])
+            return messages.samples_of(said, descriptors[0])
         finally:
             for each in descriptors:
                 os.close(each)
-        return messages.samples_of(said, memory)
 
     def status(self) -> int | None:
         """How its process ended, if it does; None for one that goes on."""
@@ -131,7 +143,7 @@ class Decoders:
             return decode(data, limits=limits, media_type=media_type)
         header = format.read_header(memoryview(data).cast("B"))
         header.check(limits)
-        return assembled(header, self._samples(data, ""))
+        return self._made(data, "", lambda samples: _own(assembled(header, samples), samples))
 
     def plain(self, data: Data, *, media_type: str | None = None, select: str = "") -> Data:
         """The bytes, or what the selection says of a file of data, as NPY. Raises as `decode`, and `InvalidRequest`
@@ -143,26 +155,26 @@ class Decoders:
             raise UnsupportedFormat(
                 "Files of data may name other files, so only decoders read them, and none runs here."
             )
-        return encode(Image(self._samples(data, select), Space.DATA), "npy").data
+        return self._made(data, select, lambda samples: encode(Image(samples, Space.DATA), "npy").data)
 
-    def _samples(self, data: Data, select: str) -> Array:
-        """From a decoder, or from another where somebody killed it."""
+    def _made(self, data: Data, select: str, make: Callable[[Array], Made]) -> Made:
+        """What is made of the samples of a decoder, or of another where somebody killed it."""
         deadline = time.monotonic() + self._seconds
         try:
-            return self._ask(data, select, deadline)
+            return self._ask(data, select, deadline, make)
         except Killed:  # by somebody else, most likely, so the image has another chance
             try:
-                return self._ask(data, select, deadline)
+                return self._ask(data, select, deadline, make)
             except Killed:
                 raise UnreadableImage(UNABLE) from None
 
-    def _ask(self, data: Data, select: str, deadline: float) -> Array:
-        """The samples, from one decoder. Raises `Killed`, or what is wrong with the image."""
+    def _ask(self, data: Data, select: str, deadline: float, make: Callable[[Array], Made]) -> Made:
+        """From one decoder, which nobody else has meanwhile. Raises `Killed`, or what is wrong with the image."""
         decoder = self._take(deadline)
         whole = False
         try:
             asked = {"seconds": self._seconds, "select": select}
-            samples = decoder.ask(data, asked, deadline - time.monotonic())
+            made = make(decoder.ask(data, asked, deadline - time.monotonic()))
             whole = True
         except Died as died:
             self.died += 1
@@ -177,7 +189,7 @@ class Decoders:
             raise
         finally:
             self._give_back(decoder, whole)
-        return samples
+        return made
 
     def end(self) -> None:
         """Ends all decoders."""

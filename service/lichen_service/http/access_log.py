@@ -24,7 +24,8 @@ from pydantic_core import to_json as quickly_to_json
 from lichen_service.problems import to_json
 
 LONGEST_QUERY = 256
-_SECRET = re.compile(r"(?i)(^|&)([^=&]*(?:key|token|secret|signature|password)[^=&]*)=[^&]*")
+_SECRETIVE = ("key", "token", "secret", "signature", "password")
+_SECRET = re.compile(rf"(?i)(^|&)([^=&]*(?:{'|'.join(_SECRETIVE)})[^=&]*)=[^&]*")
 _PLAIN = (str, int, float, type(None), list, tuple, dict)
 
 
@@ -106,7 +107,8 @@ def shown_query(query: str) -> str:
     >>> shown_query("sigma=5&api_key=123")
     'sigma=5&api_key=***'
     """
-    kept = _SECRET.sub(r"\1\2=***", query)
+    lower = query.lower()
+    kept = _SECRET.sub(r"\1\2=***", query) if any(each in lower for each in _SECRETIVE) else query
     return kept if len(kept) <= LONGEST_QUERY else kept[:LONGEST_QUERY] + "..."
 
 

@@ -34,7 +34,7 @@ from lichen_service.http.finish import choose_request_id
 from lichen_service.http.message import CLIENT_GONE, Admission, Head, Request, Response
 from lichen_service.http.phase import Phase
 from lichen_service.http.policy import METHODS, Heads, RawHead, Refusal
-from lichen_service.http.prompt import Prompt, Prompted
+from lichen_service.http.prompt import Known, Prompted
 from lichen_service.http.reactor import READ, WRITE
 from lichen_service.http.streaming import Streaming
 
@@ -107,7 +107,7 @@ class Connection:
             self._begin_writing()
         elif mask & READ:
             self._read()
-            if self.phase is Phase.IDLE and (known := self._loop.prompts.get(self._buffer)) and self._knows(*known):
+            if self.phase is Phase.IDLE and (known := self._loop.known(self._buffer)) and self._knows(known):
                 return
         self._advance()
 
@@ -131,13 +131,13 @@ class Connection:
             self._lost()
         self._advance()
 
-    def _knows(self, prompt: Prompt, request_id: str | None) -> bool:
+    def _knows(self, known: Known) -> bool:
         """Answer at once what is known by its bytes; false where the connection would end with it."""
         if self._served + 1 >= self._loop.bounds.requests_per_connection or self._ended or self._loop.draining:
             return False
         self._served += 1
         self._buffer.clear()
-        answered = prompt.send(self._socket, self._peer, request_id)
+        answered = known.prompt.send(self._socket, self._peer, known.offered, known.query)
         if isinstance(answered, Prompted):
             self._loop.answered(answered)
             self._next()
@@ -264,7 +264,7 @@ class Connection:
             admission = self._loop.admit(head)
             if isinstance(admission, Response):
                 self._decline(admission)
-                self._loop.prompts.learn(raw, exchange, admission)
+                self._loop.learn(raw, exchange, admission)
             else:
                 self._admit(head, admission)
 

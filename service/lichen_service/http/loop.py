@@ -24,7 +24,7 @@ from lichen_service.http.limits import Bounds, WireSettings
 from lichen_service.http.message import Admission, Application, Head, Request, Response
 from lichen_service.http.policy import Refusal
 from lichen_service.http.pool import Pool
-from lichen_service.http.prompt import Prompted, Prompts
+from lichen_service.http.prompt import Known, Prompted, Prompts
 from lichen_service.http.reactor import READ, Reactor
 from lichen_service.http.streaming import Streaming
 from lichen_service.problems import problem
@@ -32,7 +32,9 @@ from lichen_service.problems import problem
 _OUT_OF_MEANS = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
 LOGGED_WITHIN = 0.02
 """seconds after an answer has left"""
-REST = 0.008
+LOGGED_WHILE_FULL = 0.1
+"""the same while all places are taken: more lines at once cost less"""
+REST = 0.016
 """seconds between rounds while all places are taken: refusals made together take the processor, and the interpreter,
 from those who compute less often"""
 _ACCEPTS_AT_ONCE = 8
@@ -77,7 +79,7 @@ class Loop:
         self.reactor.after_round = self._log_failures
         self.reactor.rest = self._rest
         self._logging = self.reactor.deadline(self.log.flush)
-        self.prompts = Prompts()
+        self._prompts = Prompts()
         self.scratch = memoryview(bytearray(self.bounds.read_size))
         self.draining = False
         self.held = 0
@@ -126,7 +128,18 @@ class Loop:
         """An answer has left, or never will: its line is written soon, with those of others."""
         self.log.answered(exchange)
         if self._logging.at == math.inf:
-            self._logging.set(exchange.ended + LOGGED_WITHIN)
+            self._logging.set(exchange.ended + (LOGGED_WHILE_FULL if self._full else LOGGED_WITHIN))
+
+    def known(self, received: bytearray) -> Known | None:
+        """The answer to a head that need not be read again."""
+        return self._prompts.get(received) or (self._prompts.refused(received) if self._full else None)
+
+    def learn(self, raw: bytes, exchange: Exchange, response: Response) -> None:
+        """What was answered to a head, for when it comes again."""
+        if self._full and response.status == 503:
+            self._prompts.learn_refusal(raw, exchange, self.busy)
+        else:
+            self._prompts.learn(raw, exchange, response)
 
     def encode(self, exchange: Exchange, response: Response) -> None:
         """Lay out an answer, or that of a failure where it cannot leave as it is. From any thread."""

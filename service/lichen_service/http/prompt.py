@@ -6,6 +6,10 @@ the application has said that its answer holds for everybody as long as the proc
 answer is decided, too. Only its date and the id of the request are new. An id that the client has chosen is cut out of
 the head before it is looked up: whatever it is, it is only echoed.
 
+While all places are taken, most of what comes is refused like what came just before: the same head, its query apart,
+in want of a thread. Such a request is not read again either (`Prompts.refused`), so that refusing takes little from
+those who compute. Whatever its query says, nothing can be begun for it now.
+
 Rules
 - A head is looked up only if it is all that has come. One that is cut, followed by another request, or has a body,
   takes the long road.
@@ -18,9 +22,12 @@ from __future__ import annotations
 import re
 import socket
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple, TypeVar
 
+from lichen_service.http.access_log import shown_query
 from lichen_service.http.exchange import Exchange, milliseconds
 from lichen_service.http.finish import choose_request_id, date, frame
 from lichen_service.http.message import Head, Response
@@ -28,36 +35,33 @@ from lichen_service.http.message import Head, Response
 MOST = 256
 LARGEST_HEAD = 2048
 LARGEST_BODY = 64 * 1024
+_QUERIED = re.compile(rb"(?:GET|HEAD) /[\x21-\x22\x24-\x3e\x40-\x7e]*(\?[\x21-\x22\x24-\x7e]*) HTTP/1\.1(?=\r\n)")
 _ID = re.compile(rb"\r\nX-Request-ID:[ \t]*([A-Za-z0-9._-]{1,128})[ \t]*(?=\r\n)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """What leaves, around the date and the request's id, and what is logged of it."""
+    """What leaves, but for the request's id, and what is logged of it."""
 
-    start: bytes
-    rest: bytes
+    whole: Callable[[bytes], bytes]
+    """head and body around an id"""
     status: int
     method: str
-    target: str
+    path: str
     fields: dict[str, object]
 
-    def answer(self, request_id: str) -> bytes:
-        """Head and body."""
-        return b"%b%b\r\nX-Request-ID: %b\r\n%b" % (self.start, date(int(time.time())), request_id.encode(), self.rest)
-
-    def send(self, sock: socket.socket, peer: str, offered: str | None) -> Prompted | Exchange:
+    def send(self, sock: socket.socket, peer: str, offered: str | None, query: str = "") -> Prompted | Exchange:
         """Answers, with the id that the client has offered; where the socket does not take all of it at once, the
-        exchange that has the rest to send."""
+        exchange that has the rest to send. `query` with its question mark."""
         started, request_id = time.monotonic(), choose_request_id(offered)
-        answer = self.answer(request_id)
+        answer = self.whole(request_id.encode())
         try:
             sent = sock.send(answer)
         except BlockingIOError:
             sent = 0
         if sent == len(answer):
-            return Prompted(self, request_id, peer, sent, started, time.monotonic())
-        exchange = Exchange(request_id, peer, self.method, self.target, keep_alive=True)
+            return Prompted(self, request_id, peer, query, sent, started, time.monotonic())
+        exchange = Exchange(request_id, peer, self.method, self.path + query, keep_alive=True)
         exchange.out, exchange.write_started = [memoryview(answer)[sent:]], started
         exchange.sent, exchange.status, exchange.fields = sent, self.status, self.fields
         return exchange
@@ -69,23 +73,35 @@ class Prompted(NamedTuple):
     prompt: Prompt
     request_id: str
     peer: str
+    query: str
     sent: int
     started: float
     ended: float
 
     def record(self) -> dict[str, Any]:
         prompt = self.prompt
-        return {
+        line = {
             **prompt.fields,
             "request_id": self.request_id,
             "peer": self.peer,
             "method": prompt.method,
-            "path": prompt.target,
+            "path": prompt.path,
             "status": prompt.status,
             "bytes_in": 0,
             "bytes_out": self.sent,
             "total_ms": milliseconds(self.started, self.ended),
         }
+        if self.query:
+            line["query"] = shown_query(self.query[1:])
+        return line
+
+
+class Known(NamedTuple):
+    """The answer to a head, the id that its client has chosen, and its query."""
+
+    prompt: Prompt
+    offered: str | None
+    query: str = ""
 
 
 class Prompts:
@@ -93,38 +109,91 @@ class Prompts:
 
     def __init__(self) -> None:
         self._known: dict[bytes, Prompt] = {}
+        self._refused: dict[tuple[bytes, bytes], Prompt] = {}
+        """by what stands before and behind the query"""
 
-    def get(self, received: bytearray) -> tuple[Prompt, str | None] | None:
-        """The answer to a head, and the id that its client has chosen."""
-        if len(received) > LARGEST_HEAD or not self._known:
+    def get(self, received: bytearray) -> Known | None:
+        """The answer to a head."""
+        if not self._known or len(received) > LARGEST_HEAD:
             return None
-        key, offered = _without_id(bytes(received))
-        known = self._known.get(key)
-        return None if known is None else (known, offered)
+        raw = bytes(received)
+        if (known := self._known.get(raw)) is not None:
+            return Known(known, None)
+        raw, offered = _without_id(raw)
+        known = self._known.get(raw) if offered is not None else None
+        return None if known is None else Known(known, offered)
+
+    def refused(self, received: bytearray) -> Known | None:
+        """The refusal of a head like one that has been refused for want of a place."""
+        if not self._refused or len(received) > LARGEST_HEAD:
+            return None
+        raw, offered = _without_id(bytes(received))
+        if (found := _QUERIED.match(raw)) is None:
+            return None
+        known = self._refused.get((raw[: found.start(1)], raw[found.end(1) :]))
+        return None if known is None else Known(known, offered, found[1].decode())
 
     def learn(self, raw: bytes, exchange: Exchange, response: Response) -> None:
         """Remember the answer to a head, if it is one to remember."""
-        head = exchange.head
-        if not (response.lasting and exchange.keep_alive and isinstance(head, Head)) or head.length != 0 or head.query:
-            return
-        if exchange.status != response.status:
-            return  # it could not leave
-        if len(raw) > LARGEST_HEAD or len(response.body) > LARGEST_BODY or "traceparent" in head.headers:
-            return
-        raw, offered = _without_id(raw)
-        if offered != head.headers.get("x-request-id"):
+        if not (response.lasting and exchange.status == response.status):
+            return  # it holds for this request alone, or could not leave
+        raw, repeats = _repeats(raw, exchange)
+        if not repeats or "?" in exchange.target or len(response.body) > LARGEST_BODY:
             return
         start, rest, body = frame(response, exchange.method, keep_alive=True)
-        if len(self._known) >= MOST:
-            del self._known[next(iter(self._known))]
-        self._known[raw] = Prompt(
-            start.encode("latin-1"),
-            rest.encode("latin-1") + body,
-            response.status,
-            exchange.method,
-            exchange.target,
-            dict(response.log),
-        )
+        before, after = start.encode("latin-1"), rest.encode("latin-1") + body
+
+        def whole(request_id: bytes) -> bytes:
+            return b"%b%b\r\nX-Request-ID: %b\r\n%b" % (before, date(int(time.time())), request_id, after)
+
+        _keep(self._known, raw, _prompt(whole, exchange, response))
+
+    def learn_refusal(self, raw: bytes, exchange: Exchange, refusal: Callable[[str], Response]) -> None:
+        """Remember that a head was refused for want of a place, by the refusal of an id."""
+        raw, repeats = _repeats(raw, exchange)
+        if not repeats or (found := _QUERIED.match(raw)) is None:
+            return
+        method = exchange.method
+
+        @lru_cache(maxsize=8)
+        def framed(length: int) -> tuple[bytes, bytes]:
+            """Around date and id; the length of the answer depends on that of the id."""
+            start, rest, _ = frame(refusal("-" * length), method, keep_alive=True)
+            return start.encode("latin-1"), rest.encode("latin-1")
+
+        def whole(request_id: bytes) -> bytes:
+            before, after = framed(len(request_id))
+            body = b"" if method == "HEAD" else bytes(refusal(request_id.decode()).body)
+            return b"%b%b\r\nX-Request-ID: %b\r\n%b%b" % (before, date(int(time.time())), request_id, after, body)
+
+        prompt = _prompt(whole, exchange, refusal(exchange.request_id))
+        _keep(self._refused, (raw[: found.start(1)], raw[found.end(1) :]), prompt)
+
+
+def _prompt(whole: Callable[[bytes], bytes], exchange: Exchange, response: Response) -> Prompt:
+    path = exchange.target.partition("?")[0]
+    return Prompt(whole, response.status, exchange.method, path, dict(response.log))
+
+
+Key = TypeVar("Key")
+
+
+def _keep(known: dict[Key, Prompt], key: Key, prompt: Prompt) -> None:
+    """The oldest gives way."""
+    if len(known) >= MOST:
+        del known[next(iter(known))]
+    known[key] = prompt
+
+
+def _repeats(raw: bytes, exchange: Exchange) -> tuple[bytes, bool]:
+    """A head without its id, and whether it may come again and be answered alike."""
+    head = exchange.head
+    if not (exchange.keep_alive and isinstance(head, Head)) or head.length != 0:
+        return raw, False
+    if len(raw) > LARGEST_HEAD or "traceparent" in head.headers:
+        return raw, False
+    raw, offered = _without_id(raw)
+    return raw, offered == head.headers.get("x-request-id")
 
 
 def _without_id(raw: bytes) -> tuple[bytes, str | None]:

@@ -154,7 +154,7 @@ def stored(data: bytes) -> Array:
     """By ours: the samples as they are in the file."""
     view = memoryview(data)
     header = probe(view)
-    return FORMATS[header.format].read_samples(view, header)
+    return FORMATS[header.format].samples(view, header)
 
 
 def by_oiio(path: Path, sample: str) -> Array:

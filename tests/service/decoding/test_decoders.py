@@ -19,6 +19,7 @@ from lichen.errors import InvalidRequest, LichenError, TooLarge, UnreadableImage
 from lichen.files import FORMATS, Limits, decode, encode
 from lichen.image import Alpha, Image, Space, Storage
 from lichen_service.app import Service
+from lichen_service.decoding import messages
 from lichen_service.decoding.pool import Decoders
 from lichen_service.settings import Settings
 
@@ -66,6 +67,17 @@ def test_a_decoder_gives_what_decoding_here_gives(pool: Decoders, data: bytes) -
         here.storage,
         here.metadata,
     )
+
+
+def test_pictures_stay_when_their_decoder_decodes_others(pool: Decoders, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its memory is used again and again, and what is more than is kept of it is given back."""
+    monkeypatch.setattr(messages, "KEPT", 4096)
+    sizes = (9, 90, 5, 30)
+    images = [picture(size, size, storage=Storage.FLOAT32) for size in sizes] + [picture(size, size) for size in sizes]
+    sent = [bytes(encode(image, "exr" if at < 4 else "jpeg").data) for at, image in enumerate(images)]
+    decoded = [pool.decode(data, limits=LIMITS) for data in sent]
+    for data, image in zip(sent, decoded, strict=True):
+        assert np.array_equal(decode(data).pixels, image.pixels)
 
 
 def test_flaws_come_back_as_they_are(pool: Decoders, png: bytes) -> None:
@@ -164,8 +176,8 @@ CRASHING = """
 import os, sys, time
 from lichen_service.decoding import child
 decode = child._decode
-def dangerous(asked, descriptor):
-    data = os.pread(descriptor, 1 << 20, 0)
+def dangerous(asked, descriptor, place):
+    data = os.pread(descriptor, asked["count"], 0)
     if b"abort" in data:
         os.abort()
     if b"spin" in data:
@@ -178,10 +190,10 @@ def dangerous(asked, descriptor):
     if b"sleep" in data:
         time.sleep(600)
     if b"lie" in data:
-        return {"shape": [1 << 20, 1 << 20, 3], "dtype": "|u1"}, os.dup(descriptor)
+        return {"shape": [1 << 20, 1 << 20, 3], "dtype": "|u1"}
     if b"object" in data:
-        return {"shape": [1, 1, 1], "dtype": "|O"}, os.dup(descriptor)
-    return decode(asked, descriptor)
+        return {"shape": [1, 1, 1], "dtype": "|O"}
+    return decode(asked, descriptor, place)
 child._decode = dangerous
 sys.exit(child.main(*map(int, sys.argv[1:])))
 """

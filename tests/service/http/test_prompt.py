@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from wire_harness import Client, Reply, Running, get, post
+from wire_harness import PATIENCE, Client, Reply, Running, get, post
 
 from lichen_service.http.exchange import Exchange
 from lichen_service.http.limits import Bounds
@@ -15,6 +15,7 @@ from lichen_service.http.prompt import MOST, Prompts
 
 Serve = Callable[..., Running]
 KNOWN = get("/lasting", "X-Bytes: 7")
+MOMENTARY = ("date", "x-request-id")
 NAMES = ("X-Request-ID", "x-request-id", "X-REQUEST-Id")
 
 
@@ -125,6 +126,42 @@ def test_what_may_differ_is_not_kept(serve: Serve, request_: bytes) -> None:
         with running.connect() as client:
             ask(client, request_)
     assert running.toy.admitted == 3
+
+
+def test_what_is_refused_for_want_of_a_place_need_not_be_read_again(serve: Serve) -> None:
+    """Only while there is none, only where nothing but the query differs, and with the answer of the long road."""
+    running = serve(threads=1, queue=0)
+    with running.connect() as working, running.connect() as other:
+        assert ask(other, get("/lasting", "X-Bytes: 7")).status == 200
+        working.send(get("/wait"))
+        assert running.toy.waiting.acquire(timeout=PATIENCE)
+        before = running.toy.admitted
+        offered = [ask(other, get(f"/work?a={at}", "X-Request-ID: mine")) for at in range(3)]
+        fresh = [ask(other, get(f"/work?a={at}&key=secret")) for at in range(10)]
+        assert running.toy.admitted == before + 1
+        head = ask(other, get("/work?a=1").replace(b"GET", b"HEAD"), "HEAD")
+        assert (head.status, head.body) == (503, b"")
+        assert ask(other, get("/work?a=1").replace(b"GET", b"HEAD"), "HEAD").headers.keys() == head.headers.keys()
+        assert ask(other, get("/work")).status == 503
+        assert ask(other, get("/other?a=1")).status == 503
+        assert ask(other, get("/work?a=1", "Accept: text/plain")).status == 503
+        assert running.toy.admitted == before + 5, "what differs is read"
+        assert ask(other, get("/lasting", "X-Bytes: 7")).status == 200, "what needs no place is answered"
+        running.toy.gate.set()
+        assert working.reply().status == 200
+        assert ask(other, get("/work?a=9")).status == 200
+    assert {each.status for each in offered + fresh} == {503}
+    assert all(len(each.body) == int(each.headers["content-length"]) for each in offered + fresh)
+    for each in offered + fresh:
+        assert each.document()["request_id"] == each.headers["x-request-id"]
+    assert len({each.headers["x-request-id"] for each in fresh}) == 10
+    for same in (offered, fresh):
+        plain = [{name: value for name, value in each.headers.items() if name not in MOMENTARY} for each in same]
+        assert all(each == plain[0] for each in plain)
+    running.stop()
+    lines = [line for line in running.lines() if line["path"] == "/work" and line["status"] == 503]
+    assert [line.get("query") for line in lines[:4]] == ["a=0", "a=1", "a=2", "a=0&key=***"]
+    assert {line["problem"] for line in lines} == {"overloaded"}
 
 
 def test_answers_are_bounded_and_those_that_could_not_leave_are_not_known() -> None:

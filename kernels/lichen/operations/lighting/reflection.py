@@ -52,7 +52,6 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from scipy.special import erfc
 
 from lichen.memory import Array
 
@@ -161,6 +160,8 @@ def facets(distribution: Distribution, m: Array, along: Array, across: Array, sq
 
 def unmasked(distribution: Distribution, m: Array, cosine: Array) -> Array:
     """cosine / S(cosine): what a Smith term divides by, which does not vanish with the cosine."""
+    from scipy.special import erfc  # slow to load, and only this function needs it
+
     if distribution is Distribution.GGX:
         rough = m * m
         return np.asarray((cosine + np.sqrt(rough + (1 - rough) * cosine * cosine)) / 2)
