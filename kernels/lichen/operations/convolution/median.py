@@ -134,7 +134,7 @@ def _opencl(kernel: str, device: Device, inputs: Inputs, p: Parameters) -> Array
     window = Stencil(np.ones((p.size, p.size)), p.size // 2, p.size // 2)
     stride = stride_of(p.size, channels)
     band = min(BAND, STAGE // stride - p.size + 1)
-    down, beside = gathering(image.pixels.shape, window, stride, p.border)
+    down, beside = gathering(image.pixels.shape, window, TILE, stride, p.border)
     out, floats = aligned_empty(image.pixels.shape), width * channels
     size = (np.int32(p.size),) if kernel == "bisect" else ()
     defines = {"SIZE": p.size if kernel == "network" else 0, "STAGE": STAGE, "LINE": LINE, "TILE": TILE}
