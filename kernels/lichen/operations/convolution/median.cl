@@ -1,6 +1,6 @@
 // Medians of square windows, channel by channel: 16 floats at a time.
 //
-// One item owns a tile, which it first gathers with what lies around it into private memory, as in stencil.cl.
+// One item owns a tile, which it stages with what lies around it, row by row.
 //
 // network (SIZE 3 and 5): the columns of the window are sorted once for all windows that share them. Then its rows are
 //   sorted, which leaves the columns sorted, and all entries drop out that more than half of the others are known to
@@ -12,6 +12,7 @@
 // Where NANS is set, exchanges carry a NaN to both sides, so one in the window is the result.
 
 #include "numeric.clh"
+#include "staged.clh"
 
 #if NANS
 #define MIN(a, b) num_min(a, b)
@@ -21,53 +22,48 @@
 #define MAX(a, b) ((a) < (b) ? (b) : (a))
 #endif
 
+// As many lanes as leave the columns of a window in registers.
+#if SIZE == 5
+#define VALUES float8
+#define LANES 8
+#define LOAD(from) vload8(0, from)
+#define STORE(v, to) vstore8(v, 0, to)
+#else
+#define VALUES float16
+#define LANES 16
+#define LOAD(from) vload16(0, from)
+#define STORE(v, to) vstore16(v, 0, to)
+#endif
+
 #define SORT(a, b)                                                                                                     \
     do {                                                                                                               \
-        float16 lower = MIN(a, b);                                                                                     \
+        VALUES lower = MIN(a, b);                                                                                      \
         b = MAX(a, b);                                                                                                 \
         a = lower;                                                                                                     \
     } while (0)
 
-inline void gather(__global const float *in, __global const int *sources, __global const int *beside, float *stage,
-                   int x, int y, int width, int reach, int stride, int staged, float value)
+inline void put(__global float *to, VALUES v, int count, int whole)
 {
-    int inside = x - reach >= 0 && x - reach + stride <= width;
-    for (int j = 0; j < staged; j++) {
-        int source = sources[y + j];
-        float *to = stage + j * stride;
-        __global const float *row = in + (size_t)max(source, 0) * width;
-        if (inside && source >= 0) {
-            for (int i = 0; i < stride; i += 16)
-                vstore16(vload16(0, row + x - reach + i), 0, to + i);
-        } else {
-            for (int i = 0; i < stride; i++) {
-                int from = beside[x + i];
-                to[i] = source < 0 || from < 0 ? value : row[from];
-            }
-        }
+    if (count >= LANES && whole) {
+        STREAM(v, (__global VALUES *)to);
+    } else if (count >= LANES) {
+        STORE(v, to);
+    } else {
+        float lanes[LANES];
+        STORE(v, lanes);
+        for (int i = 0; i < count; i++)
+            to[i] = lanes[i];
     }
 }
 
-inline void put(__global float *to, float16 v, int count)
-{
-    if (count >= 16) {
-        vstore16(v, 0, to);
-        return;
-    }
-    float lanes[16];
-    vstore16(v, 0, lanes);
-    for (int i = 0; i < count; i++)
-        to[i] = lanes[i];
-}
-
-inline __attribute__((always_inline)) void sort3(float16 *v)
+inline __attribute__((always_inline)) void sort3(VALUES *v)
 {
     SORT(v[0], v[1]);
     SORT(v[1], v[2]);
     SORT(v[0], v[1]);
 }
 
-inline __attribute__((always_inline)) void sort5(float16 *v)
+inline __attribute__((always_inline)) void sort5(VALUES *v)
 {
     SORT(v[0], v[1]);
     SORT(v[3], v[4]);
@@ -81,7 +77,7 @@ inline __attribute__((always_inline)) void sort5(float16 *v)
 }
 
 // The smallest of the first `count` to the front, the largest to their end.
-inline __attribute__((always_inline)) void extremes(float16 *v, const int count)
+inline __attribute__((always_inline)) void extremes(VALUES *v, const int count)
 {
     #pragma unroll
     for (int i = 0; i < count / 2; i++)
@@ -97,9 +93,9 @@ inline __attribute__((always_inline)) void extremes(float16 *v, const int count)
 #if SIZE == 3
 #define SORT_LINE sort3
 // Of sorted columns: the largest of the smallest, the middle of the middle and the smallest of the largest remain.
-inline __attribute__((always_inline)) float16 middle(float16 v[SIZE][SIZE])
+inline __attribute__((always_inline)) VALUES middle(VALUES v[SIZE][SIZE])
 {
-    float16 rest[3];
+    VALUES rest[3];
     rest[0] = MAX(MAX(v[0][0], v[0][1]), v[0][2]);
     sort3(v[1]);
     rest[1] = v[1][1];
@@ -109,13 +105,13 @@ inline __attribute__((always_inline)) float16 middle(float16 v[SIZE][SIZE])
 }
 #elif SIZE == 5
 #define SORT_LINE sort5
-inline __attribute__((always_inline)) float16 middle(float16 v[SIZE][SIZE])
+inline __attribute__((always_inline)) VALUES middle(VALUES v[SIZE][SIZE])
 {
     #pragma unroll
     for (int i = 0; i < SIZE; i++)
         sort5(v[i]);
     // The smallest of these eight is among the first four, the largest among the others.
-    float16 rest[8] = {v[0][3], v[1][2], v[2][1], v[3][0], v[1][4], v[2][3], v[3][2], v[4][1]};
+    VALUES rest[8] = {v[0][3], v[1][2], v[2][1], v[3][0], v[1][4], v[2][3], v[3][2], v[4][1]};
     #pragma unroll
     for (int i = 1; i < 4; i++) {
         SORT(rest[0], rest[i]);
@@ -138,54 +134,64 @@ inline __attribute__((always_inline)) float16 middle(float16 v[SIZE][SIZE])
 #ifdef SORT_LINE
 __kernel void network(__global const float *restrict in, __global const int *restrict sources,
                       __global const int *restrict beside, __global float *restrict out, int height, int width,
-                      int channels, int stride, int band, float value)
+                      int channels, int stride, int band, int tile, int capacity, float value)
 {
-    int x = get_global_id(0) * TILE, y = get_global_id(1) * band;
+    int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
         return;
-    float stage[STAGE], lines[SIZE * LINE];
-    int rows = min(band, height - y), wide = min(TILE, width - x);
-    gather(in, sources, beside, stage, x, y, width, SIZE / 2 * channels, stride, rows + SIZE - 1, value);
+    float stage[STAGE] __attribute__((aligned(64))), lines[SIZE * LINE] __attribute__((aligned(64)));
+    int rows = min(band, height - y), wide = min(tile, width - x), all = rows + SIZE - 1, whole = (width & 15) == 0;
+    int reach = SIZE / 2 * channels, first = 0, held = 0;
     for (int j = 0; j < rows; j++) {
+        STAGED(j, j + SIZE);
+        __global const float *ahead = in + (size_t)max(sources[y + min(j + SIZE, all - 1)], 0) * width;
+        ahead += clamp(x - reach, 0, max(width - stride, 0));
+        const float *p = stage + (j - first) * stride;
         for (int i = 0; i < stride; i += 16) {
-            float16 column[SIZE];
+            FETCH(ahead + i);
             #pragma unroll
-            for (int k = 0; k < SIZE; k++)
-                column[k] = vload16(0, stage + (j + k) * stride + i);
-            SORT_LINE(column);
-            #pragma unroll
-            for (int k = 0; k < SIZE; k++)
-                vstore16(column[k], 0, lines + k * LINE + i);
+            for (int part = 0; part < 16; part += LANES) {
+                VALUES column[SIZE];
+                #pragma unroll
+                for (int k = 0; k < SIZE; k++)
+                    column[k] = LOAD(p + k * stride + i + part);
+                SORT_LINE(column);
+                #pragma unroll
+                for (int k = 0; k < SIZE; k++)
+                    STORE(column[k], lines + k * LINE + i + part);
+            }
         }
-        for (int i = 0; i < wide; i += 16) {
-            float16 v[SIZE][SIZE];
+        for (int i = 0; i < wide; i += LANES) {
+            VALUES v[SIZE][SIZE];
             #pragma unroll
             for (int k = 0; k < SIZE; k++)
                 #pragma unroll
                 for (int c = 0; c < SIZE; c++)
-                    v[k][c] = vload16(0, lines + k * LINE + i + c * channels);
-            put(out + (size_t)(y + j) * width + x + i, middle(v), wide - i);
+                    v[k][c] = LOAD(lines + k * LINE + i + c * channels);
+            put(out + (size_t)(y + j) * width + x + i, middle(v), wide - i, whole);
         }
     }
 }
 #endif
 
+#if SIZE == 0
 // Integers in the order of the floats, and back; it is its own inverse.
 inline int16 ordered(int16 bits) { return bits ^ ((bits >> 31) & 0x7fffffff); }
 
 __kernel void bisect(__global const float *restrict in, __global const int *restrict sources,
                      __global const int *restrict beside, __global float *restrict out, int height, int width,
-                     int channels, int stride, int band, float value, int size)
+                     int channels, int stride, int band, int tile, int capacity, float value, int size)
 {
-    int x = get_global_id(0) * TILE, y = get_global_id(1) * band;
+    int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
         return;
-    float stage[STAGE];
-    int rows = min(band, height - y), wide = min(TILE, width - x), below = size * size / 2;
-    gather(in, sources, beside, stage, x, y, width, size / 2 * channels, stride, rows + size - 1, value);
+    float stage[STAGE] __attribute__((aligned(64)));
+    int rows = min(band, height - y), wide = min(tile, width - x), all = rows + size - 1, below = size * size / 2;
+    int reach = size / 2 * channels, first = 0, held = 0, whole = (width & 15) == 0;
     for (int j = 0; j < rows; j++) {
+        STAGED(j, j + size);
         for (int i = 0; i < wide; i += 16) {
-            const float *corner = stage + j * stride + i;
+            const float *corner = stage + (j - first) * stride + i;
             int16 found = (int16)(INT_MIN), bad = (int16)(0);
             for (int bit = 31; bit >= 0; bit--) {
                 // The largest number that no more than half of the others lie below, bit by bit.
@@ -201,7 +207,8 @@ __kernel void bisect(__global const float *restrict in, __global const int *rest
                     bad |= v != v;
                 }
             float16 middle = bad ? (float16)(NAN) : as_float16(ordered(found));
-            put(out + (size_t)(y + j) * width + x + i, middle, wide - i);
+            put(out + (size_t)(y + j) * width + x + i, middle, wide - i, whole);
         }
     }
 }
+#endif

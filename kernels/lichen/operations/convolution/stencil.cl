@@ -42,7 +42,7 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
     if (x >= width || y >= height)
         return;
     float stage[STAGE] __attribute__((aligned(64)));
-    int whole = !accumulate && (width & 15) == 0, first = 0, held = 0;
+    int whole = (width & 15) == 0, first = 0, held = 0;
     int rows = min(band, height - y), wide = min(tile, width - x), all = rows + tall - 1;
     for (int j = 0; j < rows; j += BLOCK) {
         STAGED(j, j + BLOCK + tall - 1);
@@ -80,23 +80,10 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
                 }
             }
             __global float *to = out + (size_t)(y + j) * width + x + k;
-            if (whole && k + LANES <= wide && j + BLOCK <= rows) {
-                #pragma unroll
-                for (int i = 0; i < BLOCK; i++)
-                    #pragma unroll
-                    for (int v = 0; v < VECTORS; v++)
-                        STREAM(sums[i].v[v], (__global float16 *)(to + (size_t)i * width) + v);
-                continue;
-            }
-            float each[BLOCK * LANES];
             #pragma unroll
-            for (int i = 0; i < BLOCK; i++)
-                #pragma unroll
-                for (int v = 0; v < VECTORS; v++)
-                    vstore16(sums[i].v[v], VECTORS * i + v, each);
-            for (int i = 0; i < min(BLOCK, rows - j); i++, to += width)
-                for (int c = 0; c < min(LANES, wide - k); c++)
-                    to[c] = accumulate ? to[c] + each[i * LANES + c] : each[i * LANES + c];
+            for (int i = 0; i < BLOCK; i++, to += width)
+                if (j + i < rows)
+                    add_line(to, sums[i].v[0], sums[i].v[1], wide - k, whole, accumulate);
         }
     }
 }

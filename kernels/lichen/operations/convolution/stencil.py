@@ -22,9 +22,10 @@ from lichen.operations.convolution.borders import OUTSIDE, continued
 
 Matrix = npt.NDArray[np.float64]
 
-STAGE, NEAR, BAND, BLOCK = 49152, 6144, 128, 8
-"""Floats staged by one work-item at most, and as many as the first cache holds; rows of its tile, and rows that it
-computes at once at most."""
+STAGE, NEAR, BLOCK = 49152, 6144, 8
+"""Floats staged by one work-item at most, and as many as the first cache holds; rows that it computes at once at most."""
+ITEMS, TALLEST, BANDS = 64, 512, 24
+"""Items that a picture becomes if it is large enough; rows of each at most; and what their number is a multiple of."""
 TILE, WIDE = 256, 512
 """Floats of a tile, where kernels are large and where they are small."""
 WIDEST = 1024
@@ -106,12 +107,14 @@ def correlate(
         tile, stride, capacity = laid_out(rows, columns, channels)
         down, beside = gathering(source.shape, part, tile, stride, border)
         runs, weights = _runs(part.taps, stride, channels)
+        tiles, band = -(-floats // tile), banded(height, -(-floats // tile), rows)
         session.launch(
-            "convolution/stencil.cl", "correlate", (-(-floats // tile), -(-height // BAND)),
+            "convolution/stencil.cl", "correlate", (tiles, -(-height // band)),
             source, down, beside, aligned(runs, np.int32), aligned(weights),
             target, np.int32(height), np.int32(floats), np.int32(part.left * channels), np.int32(rows),
-            np.int32(stride), np.int32(BAND), np.int32(tile), np.int32(len(runs)), np.float32(value),
-            np.float32(part.bias), np.int32(capacity), np.int32(add or number > 0), local=(1, 1), defines={"STAGE": STAGE},
+            np.int32(stride), np.int32(band), np.int32(tile), np.int32(len(runs)), np.float32(value),
+            np.float32(part.bias), np.int32(capacity), np.int32(add or number > 0), local=(1, 1),
+            defines={"STAGE": STAGE},
         )  # fmt: skip
 
 
@@ -123,6 +126,12 @@ def laid_out(rows: int, columns: int, channels: int) -> tuple[int, int, int]:
             break
     room = min(STAGE, max(NEAR, 2 * (rows - 1 + BLOCK) * stride)) // stride
     return tile, stride, rows - 1 + (room - rows + 1) // BLOCK * BLOCK
+
+
+def banded(height: int, tiles: int, rows: int) -> int:
+    """Rows of an item: few enough that no processor is idle, and so many that what is staged twice is little."""
+    wanted = min(max(-(-height * tiles // ITEMS), 2 * rows), TALLEST)
+    return -(-wanted // BANDS) * BANDS
 
 
 def gathering(shape: tuple[int, ...], part: Stencil, tile: int, stride: int, border: Border) -> tuple[Array, Array]:

@@ -19,13 +19,11 @@ from lichen.opencl.device import Device
 from lichen.opencl.session import Session
 from lichen.operation import Border, Footprint
 from lichen.operations.convolution.borders import OUTSIDE, continued
-from lichen.operations.convolution.stencil import Stencil, gathering, stride_of
+from lichen.operations.convolution.stencil import Stencil, banded, gathering, stride_of
 
 LANES, BAND = 32, 64
 STAGE, MARGIN, TILES = 49152, 8192, (512, 256)
 """Floats in which both axes are joined, floats of a row with its margin, and of the tiles that may have it."""
-ITEMS, TALLEST = 64, 256
-"""Items that a picture becomes if it is large enough, and rows that each of them has at most."""
 
 
 class Combine(IntEnum):
@@ -79,7 +77,7 @@ def windows_opencl(
             _one_by_one(session, pixels, out, window, border, value, defines)
             return out
         stride, tiles = stride_of(window.width, channels, tile), -(-width * channels // tile)
-        band = window.height * -(-min(TALLEST, -(-height * tiles // ITEMS)) // window.height)
+        band = window.height * -(-banded(height, tiles, window.height) // window.height)
         taps = Stencil(np.ones((window.height, window.width)), window.top, window.left)
         down, beside = gathering(pixels.shape, taps, tile, stride, border)
         session.launch(
