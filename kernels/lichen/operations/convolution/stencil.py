@@ -23,8 +23,8 @@ from lichen.operations.convolution.borders import OUTSIDE, continued
 Matrix = npt.NDArray[np.float64]
 
 STAGE, NEAR, BLOCK = 49152, 6144, 8
-"""Floats staged by one work-item at most, and as many as the first cache holds; rows that it computes at once at most."""
-ITEMS, TALLEST, BANDS = 64, 512, 24
+"""Floats staged by one work-item at most, as many as the first cache holds, and rows computed at once at most."""
+ITEMS, TALLEST, BANDS = 192, 512, 24
 """Items that a picture becomes if it is large enough; rows of each at most; and what their number is a multiple of."""
 TILE, WIDE = 256, 512
 """Floats of a tile, where kernels are large and where they are small."""
@@ -130,7 +130,7 @@ def laid_out(rows: int, columns: int, channels: int) -> tuple[int, int, int]:
 
 def banded(height: int, tiles: int, rows: int) -> int:
     """Rows of an item: few enough that no processor is idle, and so many that what is staged twice is little."""
-    wanted = min(max(-(-height * tiles // ITEMS), 2 * rows), TALLEST)
+    wanted = min(max(-(-height * tiles // ITEMS), 4 * rows), TALLEST)
     return -(-wanted // BANDS) * BANDS
 
 

@@ -97,7 +97,8 @@ __kernel void both(__global const float *restrict in, __global const int *restri
         return;
     float stage[STAGE] __attribute__((aligned(64))), line[MARGIN] __attribute__((aligned(64)));
     // A pitch of a power of two would have rows fight for the same cache sets.
-    int rows = min(band, height - y) + tall - 1, pitch = tile + 16, whole = (width & 15) == 0, count = min(tile, width - x);
+    int rows = min(band, height - y) + tall - 1, count = min(tile, width - x);
+    int pitch = tile + 16, whole = (width & 15) == 0;
     float *begun = stage + 2 * tall * pitch;
     for (int r = 0; r < rows; r++) {
         int i = r % tall, odd = r / tall & 1;

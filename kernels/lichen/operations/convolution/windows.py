@@ -3,6 +3,9 @@
 Each line is cut into blocks as long as the window; a window is the end of one block and the beginning of the next, and
 both are accumulated inside their block. Nothing is subtracted, so nothing drifts and no NaN outlives its window.
 
+Where OpenCL does both axes in one pass, windows along a row come from windows of half their length instead, in one step
+for each binary digit of the length, or from their few samples one by one: then no lane of a vector waits for another.
+
 Source: van Herk, A fast algorithm for local minimum and maximum filters, Pattern Recognition Letters 13 (1992); Gil and
 Werman, Computing 2-D min, median, and max filters, IEEE PAMI 15 (1993).
 """
