@@ -85,8 +85,8 @@ def separable_opencl(device: Device, image: Image, down: Vector, across: Vector,
         tall, wide = _folds(down, height, image), _folds(across, width, image)
         laid = None if tall or wide else rows_laid_out(len(down), len(across), channels)
         if laid:
-            taps = (down, len(down) // 2), (across, radius)
-            both_axes(session, image.pixels, out, taps, laid, border, value)
+            centred = (down, len(down) // 2), (across, radius)
+            both_axes(session, image.pixels, out, centred, laid, border, value)
             return out
         # The last load of a row may run over by one segment.
         padded = session.scratch((height, (width + 2 * radius) * channels + 64))
