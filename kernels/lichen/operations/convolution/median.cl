@@ -22,48 +22,35 @@
 #define MAX(a, b) ((a) < (b) ? (b) : (a))
 #endif
 
-// As many lanes as leave the columns of a window in registers.
-#if SIZE == 5
-#define VALUES float8
-#define LANES 8
-#define LOAD(from) vload8(0, from)
-#define STORE(v, to) vstore8(v, 0, to)
-#else
-#define VALUES float16
-#define LANES 16
-#define LOAD(from) vload16(0, from)
-#define STORE(v, to) vstore16(v, 0, to)
-#endif
-
 #define SORT(a, b)                                                                                                     \
     do {                                                                                                               \
-        VALUES lower = MIN(a, b);                                                                                      \
+        float16 lower = MIN(a, b);                                                                                     \
         b = MAX(a, b);                                                                                                 \
         a = lower;                                                                                                     \
     } while (0)
 
-inline void put(__global float *to, VALUES v, int count, int whole)
+inline void put(__global float *to, float16 v, int count, int whole)
 {
-    if (count >= LANES && whole) {
-        STREAM(v, (__global VALUES *)to);
-    } else if (count >= LANES) {
-        STORE(v, to);
+    if (count >= 16 && whole) {
+        STREAM(v, (__global float16 *)to);
+    } else if (count >= 16) {
+        vstore16(v, 0, to);
     } else {
-        float lanes[LANES];
-        STORE(v, lanes);
+        float lanes[16];
+        vstore16(v, 0, lanes);
         for (int i = 0; i < count; i++)
             to[i] = lanes[i];
     }
 }
 
-inline __attribute__((always_inline)) void sort3(VALUES *v)
+inline __attribute__((always_inline)) void sort3(float16 *v)
 {
     SORT(v[0], v[1]);
     SORT(v[1], v[2]);
     SORT(v[0], v[1]);
 }
 
-inline __attribute__((always_inline)) void sort5(VALUES *v)
+inline __attribute__((always_inline)) void sort5(float16 *v)
 {
     SORT(v[0], v[1]);
     SORT(v[3], v[4]);
@@ -77,7 +64,7 @@ inline __attribute__((always_inline)) void sort5(VALUES *v)
 }
 
 // The smallest of the first `count` to the front, the largest to their end.
-inline __attribute__((always_inline)) void extremes(VALUES *v, const int count)
+inline __attribute__((always_inline)) void extremes(float16 *v, const int count)
 {
     #pragma unroll
     for (int i = 0; i < count / 2; i++)
@@ -93,9 +80,9 @@ inline __attribute__((always_inline)) void extremes(VALUES *v, const int count)
 #if SIZE == 3
 #define SORT_LINE sort3
 // Of sorted columns: the largest of the smallest, the middle of the middle and the smallest of the largest remain.
-inline __attribute__((always_inline)) VALUES middle(VALUES v[SIZE][SIZE])
+inline __attribute__((always_inline)) float16 middle(float16 v[SIZE][SIZE])
 {
-    VALUES rest[3];
+    float16 rest[3];
     rest[0] = MAX(MAX(v[0][0], v[0][1]), v[0][2]);
     sort3(v[1]);
     rest[1] = v[1][1];
@@ -105,13 +92,13 @@ inline __attribute__((always_inline)) VALUES middle(VALUES v[SIZE][SIZE])
 }
 #elif SIZE == 5
 #define SORT_LINE sort5
-inline __attribute__((always_inline)) VALUES middle(VALUES v[SIZE][SIZE])
+inline __attribute__((always_inline)) float16 middle(float16 v[SIZE][SIZE])
 {
     #pragma unroll
     for (int i = 0; i < SIZE; i++)
         sort5(v[i]);
     // The smallest of these eight is among the first four, the largest among the others.
-    VALUES rest[8] = {v[0][3], v[1][2], v[2][1], v[3][0], v[1][4], v[2][3], v[3][2], v[4][1]};
+    float16 rest[8] = {v[0][3], v[1][2], v[2][1], v[3][0], v[1][4], v[2][3], v[3][2], v[4][1]};
     #pragma unroll
     for (int i = 1; i < 4; i++) {
         SORT(rest[0], rest[i]);
@@ -149,25 +136,22 @@ __kernel void network(__global const float *restrict in, __global const int *res
         const float *p = stage + (j - first) * stride;
         for (int i = 0; i < stride; i += 16) {
             FETCH(ahead + i);
+            float16 column[SIZE];
             #pragma unroll
-            for (int part = 0; part < 16; part += LANES) {
-                VALUES column[SIZE];
-                #pragma unroll
-                for (int k = 0; k < SIZE; k++)
-                    column[k] = LOAD(p + k * stride + i + part);
-                SORT_LINE(column);
-                #pragma unroll
-                for (int k = 0; k < SIZE; k++)
-                    STORE(column[k], lines + k * LINE + i + part);
-            }
+            for (int k = 0; k < SIZE; k++)
+                column[k] = vload16(0, p + k * stride + i);
+            SORT_LINE(column);
+            #pragma unroll
+            for (int k = 0; k < SIZE; k++)
+                vstore16(column[k], 0, lines + k * LINE + i);
         }
-        for (int i = 0; i < wide; i += LANES) {
-            VALUES v[SIZE][SIZE];
+        for (int i = 0; i < wide; i += 16) {
+            float16 v[SIZE][SIZE];
             #pragma unroll
             for (int k = 0; k < SIZE; k++)
                 #pragma unroll
                 for (int c = 0; c < SIZE; c++)
-                    v[k][c] = LOAD(lines + k * LINE + i + c * channels);
+                    v[k][c] = vload16(0, lines + k * LINE + i + c * channels);
             put(out + (size_t)(y + j) * width + x + i, middle(v), wide - i, whole);
         }
     }
