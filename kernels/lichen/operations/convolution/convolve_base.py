@@ -270,10 +270,12 @@ def fft_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 
 
 def fft_work(p: Parameters, knob: float, facts: InputFacts) -> float:
-    """Samples of the transforms; of what is not finite, each kind has some of its own."""
+    """Samples of the transforms and the logarithm of their number, which is 1 for 1024 x 1024; of what is not finite,
+    each kind has some of its own."""
     image = facts["image"]
-    sides = transform_sides(image.height, image.width, stencil(p).taps.shape)
-    return image.channels * math.prod(sides) * (5.0 if image.extent.nonfinite else 1.0)
+    samples = math.prod(transform_sides(image.height, image.width, stencil(p).taps.shape))
+    steps = samples * max(math.log2(samples), 1.0) / 20
+    return image.channels * steps * (5.0 if image.extent.nonfinite else 1.0)
 
 
 def fft_unfit(p: Parameters, facts: InputFacts) -> str | None:

@@ -1,6 +1,6 @@
 // Medians of square windows, channel by channel: 16 floats at a time.
 //
-// One item owns a tile, which it first gathers with what lies around it into private memory, as in stencil.cl.
+// One item owns a tile, which it stages with what lies around it, row by row.
 //
 // network (SIZE 3 and 5): the columns of the window are sorted once for all windows that share them. Then its rows are
 //   sorted, which leaves the columns sorted, and all entries drop out that more than half of the others are known to
@@ -12,6 +12,7 @@
 // Where NANS is set, exchanges carry a NaN to both sides, so one in the window is the result.
 
 #include "numeric.clh"
+#include "staged.clh"
 
 #if NANS
 #define MIN(a, b) num_min(a, b)
@@ -28,36 +29,18 @@
         a = lower;                                                                                                     \
     } while (0)
 
-inline void gather(__global const float *in, __global const int *sources, __global const int *beside, float *stage,
-                   int x, int y, int width, int reach, int stride, int staged, float value)
+inline void put(__global float *to, float16 v, int count, int whole)
 {
-    int inside = x - reach >= 0 && x - reach + stride <= width;
-    for (int j = 0; j < staged; j++) {
-        int source = sources[y + j];
-        float *to = stage + j * stride;
-        __global const float *row = in + (size_t)max(source, 0) * width;
-        if (inside && source >= 0) {
-            for (int i = 0; i < stride; i += 16)
-                vstore16(vload16(0, row + x - reach + i), 0, to + i);
-        } else {
-            for (int i = 0; i < stride; i++) {
-                int from = beside[x + i];
-                to[i] = source < 0 || from < 0 ? value : row[from];
-            }
-        }
-    }
-}
-
-inline void put(__global float *to, float16 v, int count)
-{
-    if (count >= 16) {
+    if (count >= 16 && whole) {
+        STREAM(v, (__global float16 *)to);
+    } else if (count >= 16) {
         vstore16(v, 0, to);
-        return;
+    } else {
+        float lanes[16];
+        vstore16(v, 0, lanes);
+        for (int i = 0; i < count; i++)
+            to[i] = lanes[i];
     }
-    float lanes[16];
-    vstore16(v, 0, lanes);
-    for (int i = 0; i < count; i++)
-        to[i] = lanes[i];
 }
 
 inline __attribute__((always_inline)) void sort3(float16 *v)
@@ -138,20 +121,25 @@ inline __attribute__((always_inline)) float16 middle(float16 v[SIZE][SIZE])
 #ifdef SORT_LINE
 __kernel void network(__global const float *restrict in, __global const int *restrict sources,
                       __global const int *restrict beside, __global float *restrict out, int height, int width,
-                      int channels, int stride, int band, float value)
+                      int channels, int stride, int band, int tile, int capacity, float value)
 {
-    int x = get_global_id(0) * TILE, y = get_global_id(1) * band;
+    int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
         return;
-    float stage[STAGE], lines[SIZE * LINE];
-    int rows = min(band, height - y), wide = min(TILE, width - x);
-    gather(in, sources, beside, stage, x, y, width, SIZE / 2 * channels, stride, rows + SIZE - 1, value);
+    float stage[STAGE] __attribute__((aligned(64))), lines[SIZE * LINE] __attribute__((aligned(64)));
+    int rows = min(band, height - y), wide = min(tile, width - x), all = rows + SIZE - 1, whole = (width & 15) == 0;
+    int reach = SIZE / 2 * channels, first = 0, held = 0;
     for (int j = 0; j < rows; j++) {
+        STAGED(j, j + SIZE);
+        __global const float *ahead = in + (size_t)max(sources[y + min(j + SIZE, all - 1)], 0) * width;
+        ahead += clamp(x - reach, 0, max(width - stride, 0));
+        const float *p = stage + (j - first) * stride;
         for (int i = 0; i < stride; i += 16) {
+            FETCH(ahead + i);
             float16 column[SIZE];
             #pragma unroll
             for (int k = 0; k < SIZE; k++)
-                column[k] = vload16(0, stage + (j + k) * stride + i);
+                column[k] = vload16(0, p + k * stride + i);
             SORT_LINE(column);
             #pragma unroll
             for (int k = 0; k < SIZE; k++)
@@ -164,28 +152,30 @@ __kernel void network(__global const float *restrict in, __global const int *res
                 #pragma unroll
                 for (int c = 0; c < SIZE; c++)
                     v[k][c] = vload16(0, lines + k * LINE + i + c * channels);
-            put(out + (size_t)(y + j) * width + x + i, middle(v), wide - i);
+            put(out + (size_t)(y + j) * width + x + i, middle(v), wide - i, whole);
         }
     }
 }
 #endif
 
+#if SIZE == 0
 // Integers in the order of the floats, and back; it is its own inverse.
 inline int16 ordered(int16 bits) { return bits ^ ((bits >> 31) & 0x7fffffff); }
 
 __kernel void bisect(__global const float *restrict in, __global const int *restrict sources,
                      __global const int *restrict beside, __global float *restrict out, int height, int width,
-                     int channels, int stride, int band, float value, int size)
+                     int channels, int stride, int band, int tile, int capacity, float value, int size)
 {
-    int x = get_global_id(0) * TILE, y = get_global_id(1) * band;
+    int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
         return;
-    float stage[STAGE];
-    int rows = min(band, height - y), wide = min(TILE, width - x), below = size * size / 2;
-    gather(in, sources, beside, stage, x, y, width, size / 2 * channels, stride, rows + size - 1, value);
+    float stage[STAGE] __attribute__((aligned(64)));
+    int rows = min(band, height - y), wide = min(tile, width - x), all = rows + size - 1, below = size * size / 2;
+    int reach = size / 2 * channels, first = 0, held = 0, whole = (width & 15) == 0;
     for (int j = 0; j < rows; j++) {
+        STAGED(j, j + size);
         for (int i = 0; i < wide; i += 16) {
-            const float *corner = stage + j * stride + i;
+            const float *corner = stage + (j - first) * stride + i;
             int16 found = (int16)(INT_MIN), bad = (int16)(0);
             for (int bit = 31; bit >= 0; bit--) {
                 // The largest number that no more than half of the others lie below, bit by bit.
@@ -201,7 +191,8 @@ __kernel void bisect(__global const float *restrict in, __global const int *rest
                     bad |= v != v;
                 }
             float16 middle = bad ? (float16)(NAN) : as_float16(ordered(found));
-            put(out + (size_t)(y + j) * width + x + i, middle, wide - i);
+            put(out + (size_t)(y + j) * width + x + i, middle, wide - i, whole);
         }
     }
 }
+#endif

@@ -39,9 +39,10 @@ from lichen.operation import (
     OperationParameters,
     Rate,
 )
-from lichen.operations.convolution.stencil import TILE, Stencil, continue_image, gathering, stride_of
+from lichen.operations.convolution.stencil import STAGE, Stencil, banded, continue_image, gathering, laid_out
 
-STAGE, LINE, BAND, MOST_CHANNELS = 32768, 2048, 32, 64
+LINE, MOST_CHANNELS = 2048, 64
+"""Floats of a line of sorted columns, and channels, at most."""
 
 
 class Parameters(OperationParameters):
@@ -132,17 +133,18 @@ def _opencl(kernel: str, device: Device, inputs: Inputs, p: Parameters) -> Array
     image = inputs["image"]
     height, width, channels = image.pixels.shape
     window = Stencil(np.ones((p.size, p.size)), p.size // 2, p.size // 2)
-    stride = stride_of(p.size, channels)
-    band = min(BAND, STAGE // stride - p.size + 1)
-    down, beside = gathering(image.pixels.shape, window, stride, p.border)
-    out, floats = aligned_empty(image.pixels.shape), width * channels
+    tile, stride, capacity = laid_out(p.size, p.size, channels)
+    down, beside = gathering(image.pixels.shape, window, tile, stride, p.border)
+    out, tiles = aligned_empty(image.pixels.shape), -(-width * channels // tile)
+    band = banded(height, tiles, p.size)
     size = (np.int32(p.size),) if kernel == "bisect" else ()
-    defines = {"SIZE": p.size if kernel == "network" else 0, "STAGE": STAGE, "LINE": LINE, "TILE": TILE}
+    defines = {"SIZE": p.size if kernel == "network" else 0, "STAGE": STAGE, "LINE": LINE}
     with device.session() as session:
         session.launch(
-            "convolution/median.cl", kernel, (-(-floats // TILE), -(-height // band)),
-            image.pixels, down, beside, session.write(out), np.int32(height), np.int32(floats), np.int32(channels),
-            np.int32(stride), np.int32(band), np.float32(p.beyond), *size, local=(1, 1),
+            "convolution/median.cl", kernel, (tiles, -(-height // band)),
+            image.pixels, down, beside, session.write(out), np.int32(height), np.int32(width * channels),
+            np.int32(channels), np.int32(stride), np.int32(band), np.int32(tile), np.int32(capacity),
+            np.float32(p.beyond), *size, local=(1, 1),
             defines={**defines, "NANS": int(image.extent.nonfinite > 0)},
         )  # fmt: skip
     return out

@@ -228,7 +228,8 @@ class Blocks:
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
         def windows(pixels: Array, window: Window, step: Combine) -> Array:
-            return windows_opencl(device, pixels, window, step, p.border, p.beyond)
+            nonfinite = inputs["image"].extent.nonfinite > 0
+            return windows_opencl(device, pixels, window, step, p.border, p.beyond, nonfinite=nonfinite)
 
         return _computed(inputs, p, windows)
 

@@ -1,5 +1,7 @@
-// Separable convolution in two passes over rows of floats, channels interleaved.
+// Separable convolution of rows of floats, channels interleaved.
 //
+// both: in one pass over the image. A tile's rows are filtered along as they are staged, and BLOCK output rows at a time
+//   are summed down what came out. For kernels of which private memory holds the rows; the others take two passes:
 // columns: down the image. A strip of 32 floats is first gathered into private memory, so that images whose rows lie a
 //   power of two apart do not fight for the same cache sets; then BLOCK output rows share each load.
 // margins: continues the rows left and right, after which no kernel has to know about borders.
@@ -9,6 +11,7 @@
 //
 // No zero weight is ever multiplied with a sample: 0 x NaN would carry NaN beyond the kernel.
 
+#include "staged.clh"
 #include "strips.clh"
 
 #define STRIP 32
@@ -16,6 +19,84 @@
 #define CHUNK 128
 #define SEGMENT 64
 #define RUN 1024
+
+#ifdef STAGE
+// One row of a tile, from the staged `line`. What the next is made of is on its way from `ahead` meanwhile.
+STAGED_FN void along(const float *line, float *to, __global const float *ahead, __global const float *weights, int tile,
+                     int channels, int count)
+{
+    for (int i = 0; i < tile; i += SEGMENT) {
+        const float *p = line + i;
+        float16 s0 = (float16)(0.0f), s1 = s0, s2 = s0, s3 = s0;
+        #pragma unroll
+        for (int k = 0; k < SEGMENT; k += 16)
+            FETCH(ahead + i + k);
+        for (int t = 0; t < count; t++, p += channels) {
+            float16 w = (float16)(weights[t]);
+            s0 = fma(w, vload16(0, p), s0);
+            s1 = fma(w, vload16(1, p), s1);
+            s2 = fma(w, vload16(2, p), s2);
+            s3 = fma(w, vload16(3, p), s3);
+        }
+        vstore16(s0, 0, to + i);
+        vstore16(s1, 1, to + i);
+        vstore16(s2, 2, to + i);
+        vstore16(s3, 3, to + i);
+    }
+}
+
+// One item: `band` rows of a tile, by `tall` taps down and `wide` along. `sources` names for output row y and tap t, at
+// y + t, the row to read, `beside` for a float of the tile and its margin the float of the row; -1 is the constant.
+// `reach` floats lie left of the tile, and there is room for `capacity` rows.
+__kernel void both(__global const float *restrict in, __global const int *restrict sources,
+                   __global const int *restrict beside, __global const float *restrict down,
+                   __global const float *restrict across, __global float *restrict out, int height, int width, int reach,
+                   int stride, int band, int tile, int channels, int tall, int wide, int capacity, float value,
+                   float bias, int accumulate)
+{
+    int x = get_global_id(0) * tile, y = get_global_id(1) * band;
+    if (x >= width || y >= height)
+        return;
+    float stage[STAGE] __attribute__((aligned(64))), line[MARGIN] __attribute__((aligned(64)));
+    // A pitch of a power of two would have rows fight for the same cache sets.
+    int rows = min(band, height - y), all = rows + tall - 1, pitch = tile + 16, first = 0, held = 0;
+    int count = min(tile, width - x), whole = (width & 15) == 0;
+    for (int j = 0; j < rows; j += BLOCK) {
+        int end = j + BLOCK + tall - 1;
+        if (end - first > capacity) {
+            move_up(stage, j - first, held, pitch);
+            held -= j - first;
+            first = j;
+        }
+        for (; first + held < min(end, all); held++) {
+            int r = y + first + held;
+            __global const float *ahead = in + (size_t)max(sources[min(r + 1, y + all - 1)], 0) * width;
+            stage_row(line, in, beside, sources[r], x, reach, stride, width, value);
+            along(line, stage + held * pitch, ahead + clamp(x - reach, 0, max(width - tile, 0)), across, tile, channels,
+                  wide);
+        }
+        for (int k = 0; k < count; k += LANES) {
+            Strip sums[BLOCK];
+            #pragma unroll
+            for (int i = 0; i < BLOCK; i++)
+                sums[i].v[0] = sums[i].v[1] = (float16)(bias);
+            const float *p = stage + (j - first) * pitch + k;
+            if (tall >= BLOCK)
+                long_run(p, pitch, down, sums, tall);
+            else
+                for (int t = 0; t < tall; t++)
+                    #pragma unroll
+                    for (int i = 0; i < BLOCK; i++)
+                        one(sums + i, down[t], staged(p + (i + t) * pitch));
+            __global float *to = out + (size_t)(y + j) * width + x + k;
+            #pragma unroll
+            for (int i = 0; i < BLOCK; i++, to += width)
+                if (j + i < rows)
+                    add_line(to, sums[i].v[0], sums[i].v[1], count - k, whole, accumulate);
+        }
+    }
+}
+#endif
 
 inline void store_strip(__global float *out, const float *sums, int count, int accumulate)
 {

@@ -19,6 +19,17 @@ from lichen.opencl.device import Device
 from lichen.opencl.session import Session
 from lichen.operation import Border
 from lichen.operations.convolution.borders import OUTSIDE, continued
+from lichen.operations.convolution.stencil import (
+    BLOCK,
+    NEAR,
+    STAGE,
+    TILE,
+    WIDE,
+    Stencil,
+    banded,
+    gathering,
+    stride_of,
+)
 
 Vector = npt.NDArray[np.float64]
 
@@ -61,6 +72,8 @@ def _runs(at: npt.NDArray[np.int64], size: int) -> Iterator[tuple[slice, int, in
 
 
 STRIP, BAND, CHUNK, RUN = 32, 64, 128, 1024  # as in passes.cl and products.cl
+MARGIN = 8192
+"""Floats of a staged row at most."""
 
 
 def separable_opencl(device: Device, image: Image, down: Vector, across: Vector, border: Border, value: float) -> Array:
@@ -69,10 +82,15 @@ def separable_opencl(device: Device, image: Image, down: Vector, across: Vector,
     out, radius = aligned_empty(image.pixels.shape), len(across) // 2
     with device.session() as session:
         steps = Steps(session, border, value)
+        tall, wide = _folds(down, height, image), _folds(across, width, image)
+        laid = None if tall or wide else rows_laid_out(len(down), len(across), channels)
+        if laid:
+            centred = (down, len(down) // 2), (across, radius)
+            both_axes(session, image.pixels, out, centred, laid, border, value)
+            return out
         # The last load of a row may run over by one segment.
         padded = session.scratch((height, (width + 2 * radius) * channels + 64))
         between = session.scratch(image.pixels.shape)
-        tall, wide = _folds(down, height, image), _folds(across, width, image)
         if tall:
             steps.multiply(*folded(down, height, border), image.pixels, between)
         elif wide:
@@ -88,6 +106,49 @@ def separable_opencl(device: Device, image: Image, down: Vector, across: Vector,
             steps.margins(padded, width, channels, radius)
             steps.rows(padded, out, across)
     return out
+
+
+Laid = tuple[int, int, int]
+Placed = tuple[Vector, int]
+"""Taps of an axis, and which of them lies over the output sample."""
+
+
+def rows_laid_out(tall: int, wide: int, channels: int) -> Laid | None:
+    """Floats of a tile and of a staged row, and how many rows that were filtered along are kept; None where private
+    memory does not hold them."""
+    for tile in (WIDE, TILE):
+        stride, room = stride_of(wide, channels, tile), STAGE // (tile + 16)
+        if stride <= MARGIN and tall - 1 + max(tall // 2, BLOCK) <= room:
+            return tile, stride, min(room, max(2 * (tall - 1 + BLOCK), NEAR // (tile + 16)))
+    return None
+
+
+def both_axes(
+    session: Session,
+    source: Array,
+    out: Array,
+    taps: tuple[Placed, Placed],
+    laid: Laid,
+    border: Border,
+    value: float,
+    bias: float = 0.0,
+    *,
+    add: bool = False,
+) -> None:
+    """Correlation down and along in one pass; `add` to what is there."""
+    (down, top), (across, left) = taps
+    (tile, stride, capacity), (height, width, channels) = laid, source.shape
+    tiles = -(-width * channels // tile)
+    band = banded(height, tiles, 2 * len(down))
+    window = Stencil(np.broadcast_to(1.0, (len(down), len(across))), top, left)
+    rows, beside = gathering(source.shape, window, tile, stride, border)
+    session.launch(
+        "convolution/passes.cl", "both", (tiles, -(-height // band)),
+        source, rows, beside, aligned(down), aligned(across), session.readwrite(out), np.int32(height),
+        np.int32(width * channels), np.int32(left * channels), np.int32(stride), np.int32(band), np.int32(tile),
+        np.int32(channels), np.int32(len(down)), np.int32(len(across)), np.int32(capacity), np.float32(value),
+        np.float32(bias), np.int32(add), local=(1, 1), defines={"STAGE": STAGE, "MARGIN": MARGIN},
+    )  # fmt: skip
 
 
 def separable_numpy(image: Image, down: Vector, across: Vector, border: Border, value: float) -> Array:

@@ -1,24 +1,13 @@
 // Correlation with a two-dimensional kernel, channels interleaved.
 //
-// One item owns a tile of BAND rows by TILE floats. It first gathers the tile and what lies around it into private
-// memory, border included, after which nothing has to know about borders, and images whose rows lie a power of two apart
-// do not fight for the same cache sets. Then BLOCK output rows by LANES floats at a time live in registers: as many as
-// there are. The kernel comes as `runs`: stretches of non-zero taps down one of its columns. Each staged vector of a
-// run's column is loaded once and serves all of the rows it reaches.
+// BLOCK output rows by LANES floats at a time live in registers: as many as there are. The kernel comes as `runs`:
+// stretches of non-zero taps down one of its columns. Each staged vector of a run's column is loaded once and serves all
+// of the rows it reaches.
 //
 // A zero tap is in no run, so no NaN leaves the taps that are there. `width` and all strides count floats.
 
+#include "staged.clh"
 #include "strips.clh"
-
-// A store that does not fetch what it overwrites.
-#if defined(__has_builtin)
-#if __has_builtin(__builtin_nontemporal_store)
-#define STREAM(vector, to) __builtin_nontemporal_store(vector, to)
-#endif
-#endif
-#ifndef STREAM
-#define STREAM(vector, to) (*(to) = (vector))
-#endif
 
 // A run of `count` < BLOCK taps; `count` is a literal where this is called, so that everything unrolls.
 inline __attribute__((always_inline)) void short_run(const float *p, int stride, __global const float *weights,
@@ -47,41 +36,36 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
                         __global const int *restrict beside, __global const int *restrict runs,
                         __global const float *restrict weights, __global float *restrict out, int height, int width,
                         int reach, int tall, int stride, int band, int tile, int run_count, float value, float bias,
-                        int accumulate)
+                        int capacity, int accumulate)
 {
     int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
         return;
-    float stage[STAGE];
-    int aligned = (width & 15) == 0;
-    int rows = min(band, height - y), wide = min(tile, width - x), staged = rows + tall - 1;
-    int inside = x - reach >= 0 && x - reach + stride <= width;
-    for (int j = 0; j < staged; j++) {
-        int source = sources[y + j];
-        float *to = stage + j * stride;
-        __global const float *row = in + (size_t)max(source, 0) * width;
-        if (source < 0) {
-            for (int i = 0; i < stride; i += 16)
-                vstore16((float16)(value), 0, to + i);
-        } else if (inside) {
-            for (int i = 0; i < stride; i += 16)
-                vstore16(vload16(0, row + x - reach + i), 0, to + i);
-        } else {
-            for (int i = 0; i < stride; i++) {
-                int from = beside[x + i];
-                to[i] = from < 0 ? value : row[from];
-            }
-        }
-    }
+    float stage[STAGE] __attribute__((aligned(64)));
+    int whole = (width & 15) == 0, first = 0, held = 0;
+    int rows = min(band, height - y), wide = min(tile, width - x), all = rows + tall - 1;
     for (int j = 0; j < rows; j += BLOCK) {
+        STAGED(j, j + BLOCK + tall - 1);
+        // What the next rows are staged from is on its way while these are summed.
+        __global const float *ahead[BLOCK];
+        #pragma unroll
+        for (int i = 0; i < BLOCK; i++) {
+            int source = sources[y + min(j + BLOCK + tall - 1 + i, all - 1)];
+            ahead[i] = in + (size_t)max(source, 0) * width + clamp(x - reach, 0, max(width - tile, 0));
+        }
         for (int k = 0; k < wide; k += LANES) {
+            #pragma unroll
+            for (int i = 0; i < BLOCK; i++) {
+                FETCH(ahead[i] + k);
+                FETCH(ahead[i] + k + 16);
+            }
             Strip sums[BLOCK];
             #pragma unroll
             for (int i = 0; i < BLOCK; i++)
                 #pragma unroll
                 for (int v = 0; v < VECTORS; v++)
                     sums[i].v[v] = (float16)(bias);
-            const float *p = stage + j * stride + k;
+            const float *p = stage + (j - first) * stride + k;
             for (int r = 0; r < run_count;) {
                 // Runs come in order of their length, so each loop below keeps its sums in registers.
                 switch (runs[3 * r + 2]) {
@@ -96,28 +80,10 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
                 }
             }
             __global float *to = out + (size_t)(y + j) * width + x + k;
-            int count = min(LANES, wide - k);
             #pragma unroll
-            for (int i = 0; i < BLOCK; i++, to += width) {
-                if (j + i >= rows)
-                    continue;
-                if (count == LANES && !accumulate && aligned) {
-                    #pragma unroll
-                    for (int v = 0; v < VECTORS; v++)
-                        STREAM(sums[i].v[v], (__global float16 *)to + v);
-                } else if (count == LANES && !accumulate) {
-                    #pragma unroll
-                    for (int v = 0; v < VECTORS; v++)
-                        vstore16(sums[i].v[v], v, to);
-                } else {
-                    float each[LANES];
-                    #pragma unroll
-                    for (int v = 0; v < VECTORS; v++)
-                        vstore16(sums[i].v[v], v, each);
-                    for (int c = 0; c < count; c++)
-                        to[c] = accumulate ? to[c] + each[c] : each[c];
-                }
-            }
+            for (int i = 0; i < BLOCK; i++, to += width)
+                if (j + i < rows)
+                    add_line(to, sums[i].v[0], sums[i].v[1], wide - k, whole, accumulate);
         }
     }
 }

@@ -22,8 +22,12 @@ from lichen.operations.convolution.borders import OUTSIDE, continued
 
 Matrix = npt.NDArray[np.float64]
 
-STAGE, TILE, BAND, BLOCK = 49152, 256, 64, 8
-"""Floats staged by one work-item, floats and rows of its tile, rows it computes at once."""
+STAGE, NEAR, BLOCK = 49152, 6144, 8
+"""Floats staged by one work-item at most, as many as the first cache holds, and rows computed at once at most."""
+ITEMS, TALLEST, BANDS = 192, 512, 24
+"""Items that a picture becomes if it is large enough; rows of each at most; and what their number is a multiple of."""
+TILE, WIDE = 256, 512
+"""Floats of a tile, where kernels are large and where they are small."""
 WIDEST = 1024
 """Floats that a part of the kernel reaches sideways at most."""
 FEW = 49
@@ -100,34 +104,51 @@ def correlate(
     tall = STAGE // widest - BLOCK
     for number, part in enumerate(stencil.parts(tall, wide)):
         rows, columns = part.taps.shape
-        stride = stride_of(columns, channels)
-        band = min(BAND, (STAGE // stride - rows + 1) // BLOCK * BLOCK)
-        down, beside = gathering(source.shape, part, stride, border)
+        tile, stride, capacity = laid_out(rows, columns, channels)
+        down, beside = gathering(source.shape, part, tile, stride, border)
         runs, weights = _runs(part.taps, stride, channels)
+        tiles, band = -(-floats // tile), banded(height, -(-floats // tile), rows)
         session.launch(
-            "convolution/stencil.cl", "correlate", (-(-floats // TILE), -(-height // band)),
+            "convolution/stencil.cl", "correlate", (tiles, -(-height // band)),
             source, down, beside, aligned(runs, np.int32), aligned(weights),
             target, np.int32(height), np.int32(floats), np.int32(part.left * channels), np.int32(rows),
-            np.int32(stride), np.int32(band), np.int32(TILE), np.int32(len(runs)), np.float32(value),
-            np.float32(part.bias), np.int32(add or number > 0), local=(1, 1), defines={"STAGE": STAGE},
+            np.int32(stride), np.int32(band), np.int32(tile), np.int32(len(runs)), np.float32(value),
+            np.float32(part.bias), np.int32(capacity), np.int32(add or number > 0), local=(1, 1),
+            defines={"STAGE": STAGE},
         )  # fmt: skip
 
 
-def gathering(shape: tuple[int, ...], part: Stencil, stride: int, border: Border) -> tuple[Array, Array]:
+def laid_out(rows: int, columns: int, channels: int) -> tuple[int, int, int]:
+    """Floats of a tile, floats of its staged rows, and how many of them are staged: in the first cache, if they fit."""
+    for tile in (WIDE, TILE):
+        stride = stride_of(columns, channels, tile)
+        if (rows - 1 + BLOCK) * stride <= NEAR:
+            break
+    room = min(STAGE, max(NEAR, 2 * (rows - 1 + BLOCK) * stride)) // stride
+    return tile, stride, rows - 1 + (room - rows + 1) // BLOCK * BLOCK
+
+
+def banded(height: int, tiles: int, rows: int) -> int:
+    """Rows of an item: few enough that no processor is idle, and so many that what is staged twice is little."""
+    wanted = min(max(-(-height * tiles // ITEMS), 4 * rows), TALLEST)
+    return -(-wanted // BANDS) * BANDS
+
+
+def gathering(shape: tuple[int, ...], part: Stencil, tile: int, stride: int, border: Border) -> tuple[Array, Array]:
     """For kernels that stage tiles: the row that each staged row reads, and the float of it that each float reads."""
     height, width, channels = shape
     rows, columns = part.taps.shape
     # What the last tile stages beyond the margin meets no result; the clamp keeps it inside the row.
-    at = np.arange(-(-width * channels // TILE) * TILE + stride) - part.left * channels
+    at = np.arange(-(-width * channels // tile) * tile + stride) - part.left * channels
     pixels = continued(np.minimum(at // channels, width - 1 - part.left + columns), width, border)
     beside = np.where(pixels == OUTSIDE, OUTSIDE, pixels * channels + at % channels)
     down = continued(np.arange(height + rows - 1) - part.top, height, border)
     return aligned(down.astype(np.int32), np.int32), aligned(beside.astype(np.int32), np.int32)
 
 
-def stride_of(columns: int, channels: int) -> int:
+def stride_of(columns: int, channels: int, tile: int = TILE) -> int:
     """Floats of a staged row: a tile and what lies beside it."""
-    return -(-(TILE + (columns - 1) * channels) // 16) * 16
+    return -(-(tile + (columns - 1) * channels) // 16) * 16
 
 
 def _runs(taps: Matrix, stride: int, channels: int) -> tuple[Array, Array]:

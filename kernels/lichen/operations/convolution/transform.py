@@ -10,8 +10,10 @@ Source: Oppenheim and Schafer, Discrete-Time Signal Processing (1989), 8.7.
 from __future__ import annotations
 
 import numpy as np
+from scipy import fft
 
 from lichen.memory import Array, aligned_empty
+from lichen.opencl.processors import processors
 from lichen.operation import Border
 from lichen.operations.convolution.kernels import Matrix
 from lichen.operations.convolution.stencil import Stencil, continue_image
@@ -23,14 +25,16 @@ def correlated_by_transform(pixels: Array, whole: Stencil, border: Border, value
     rows, columns = (whole.top, tall - 1 - whole.top), (whole.left, wide - 1 - whole.left)
     around = continue_image(pixels, rows, columns, border, value)
     sides = transform_sides(height, width, (tall, wide))
-    spectrum = np.conj(np.fft.rfft2(whole.taps, sides))
+    spectrum = np.conj(_spectrum(whole.taps, sides))
     out = aligned_empty(pixels.shape)
     for channel in range(channels):
         plane = around[..., channel].astype(np.float64)
         finite = np.isfinite(plane)
         clean = plane if finite.all() else np.where(finite, plane, 0.0)
-        product = np.fft.rfft2(clean, sides) * spectrum
-        made = np.fft.irfft2(product, sides)[:height, :width] + whole.bias
+        product = _spectrum(clean, sides)
+        product *= spectrum
+        made = _samples(product, sides, (height, width))
+        made += whole.bias
         if clean is not plane:
             _set_nonfinite(made, plane, whole.taps, sides)
         out[..., channel] = made
@@ -43,15 +47,26 @@ def _set_nonfinite(made: Matrix, plane: Matrix, taps: Matrix, sides: tuple[int, 
     def meets(where: Array, tapped: Array) -> Array:
         if not (where.any() and tapped.any()):
             return np.zeros(made.shape, bool)
-        product = np.fft.rfft2(where.astype(np.float64), sides) * np.conj(
-            np.fft.rfft2(tapped.astype(np.float64), sides)
-        )
-        return np.asarray(np.fft.irfft2(product, sides)[: made.shape[0], : made.shape[1]] > 0.5)
+        product = _spectrum(where.astype(np.float64), sides) * np.conj(_spectrum(tapped.astype(np.float64), sides))
+        return np.asarray(_samples(product, sides, made.shape) > 0.5)
 
     above = meets(plane == np.inf, taps > 0) | meets(plane == -np.inf, taps < 0)
     below = meets(plane == np.inf, taps < 0) | meets(plane == -np.inf, taps > 0)
     made[above], made[below] = np.inf, -np.inf
     made[(above & below) | meets(np.isnan(plane), taps != 0)] = np.nan
+
+
+def _spectrum(plane: Matrix, sides: tuple[int, int]) -> Array:
+    """Along the rows that are there, and then down, zeros below them. Every line is transformed by itself, so that the
+    number of processors changes no bit."""
+    rows = fft.rfft(plane, sides[1], axis=1, workers=processors())
+    return np.asarray(fft.fft(rows, sides[0], axis=0, overwrite_x=True, workers=processors()))
+
+
+def _samples(spectrum: Array, sides: tuple[int, int], shape: tuple[int, ...]) -> Matrix:
+    """The first rows and columns, so many."""
+    rows = fft.ifft(spectrum, sides[0], axis=0, overwrite_x=True, workers=processors())[: shape[0]]
+    return np.asarray(fft.irfft(rows, sides[1], axis=1, workers=processors())[:, : shape[1]])
 
 
 def transform_sides(height: int, width: int, kernel: tuple[int, ...]) -> tuple[int, int]:

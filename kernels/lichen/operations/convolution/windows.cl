@@ -5,10 +5,16 @@
 // and Werman 1993). Nothing is ever subtracted, so no error drifts, no NaN outlives its window, and sums of what is not
 // negative are not negative.
 //
-// COMBINE(a, b) is the step, SCALE whether samples are multiplied by `scale` before. Sample i of a line that begins
-// before the image comes from sources[i]; -1 is the constant.
+// COMBINE is the step: 0 the sum, of samples multiplied by `scale`, 1 the smaller, 2 the larger; NANS is 0 where no sample
+// is NaN. Sample i of a line that begins before the image comes from sources[i]; -1 is the constant.
+//
+// both: both axes at once, for windows that private memory holds twice. Along a row, windows of one length are joined to
+//   windows of twice that, so that all lanes of a vector are at work; those of the lengths that add up to n are joined to
+//   the result. Down the image the rows that come out are taken as above.
+// down, across: one axis after the other, for larger windows.
 
 #include "numeric.clh"
+#include "staged.clh"
 
 #define LANES 32
 #define STAGED 256
@@ -17,12 +23,127 @@
 #if COMBINE == 0
 #define JOIN(a, b) ((a) + (b))
 #define SAMPLE(v) ((v) * scale)
+#define NEXT(a, b) fma(b, (float16)(scale), a)
+#define AFTER(v) ((v) * after)
 #elif COMBINE == 1
-#define JOIN(a, b) num_min(a, b)
+#define JOIN(a, b) (NANS ? num_min(a, b) : (a) < (b) ? (a) : (b))
 #define SAMPLE(v) (v)
+#define NEXT(a, b) JOIN(a, b)
+#define AFTER(v) (v)
 #else
-#define JOIN(a, b) num_max(a, b)
+#define JOIN(a, b) (NANS ? num_max(a, b) : (a) < (b) ? (b) : (a))
 #define SAMPLE(v) (v)
+#define NEXT(a, b) JOIN(a, b)
+#define AFTER(v) (v)
+#endif
+
+#ifdef STAGE
+// Windows of few samples, `channels` floats apart, from `line` on: one after the other. What the next row is made of is
+// on its way from `ahead` meanwhile.
+STAGED_FN void along_few(const float *line, float *to, __global const float *ahead, int tile, int channels, float scale,
+                         float after, const int n)
+{
+    for (int i = 0; i < tile; i += 32) {
+        FETCH(ahead + i);
+        FETCH(ahead + i + 16);
+        float16 a = SAMPLE(vload16(0, line + i)), b = SAMPLE(vload16(1, line + i));
+        #pragma unroll
+        for (int t = 1; t < n; t++) {
+            a = NEXT(a, vload16(0, line + i + t * channels));
+            b = NEXT(b, vload16(1, line + i + t * channels));
+        }
+        vstore16(AFTER(a), 0, to + i);
+        vstore16(AFTER(b), 1, to + i);
+    }
+}
+
+// Windows of n samples; what is on the line, `stride` floats, is lost.
+STAGED_FN void along_many(float *line, float *to, __global const float *ahead, int tile, int stride, int channels, int n,
+                          float scale, float after)
+{
+    int covered = 0;
+    for (int i = 0; i < stride; i += 16) {
+        FETCH(ahead + min(i, tile - 16));
+        vstore16(SAMPLE(vload16(0, line + i)), 0, line + i);
+    }
+    for (int length = 1;; length *= 2) {
+        int last = 2 * length > n;
+        if (n & length) {
+            const float *from = line + covered * channels;
+            for (int i = 0; i < tile; i += 16) {
+                float16 v = vload16(0, from + i);
+                v = covered ? JOIN(vload16(0, to + i), v) : v;
+                vstore16(last ? AFTER(v) : v, 0, to + i);
+            }
+            covered += length;
+        }
+        if (last)
+            return;
+        for (int i = 0; i < stride - 2 * (length - 1) * channels; i += 16)
+            vstore16(JOIN(vload16(0, line + i), vload16(0, line + i + length * channels)), 0, line + i);
+    }
+}
+
+// One item: `band` rows of a tile, windows of `tall` rows by `wide` pixels. `sources` names for output row y and row t of
+// its window, at y + t, the row to read, `beside` for a float of the tile and its margin the float of the row, and `reach`
+// floats lie left of the tile. `after` is a factor on what comes out along the rows. `width` counts floats.
+__kernel void both(__global const float *restrict in, __global const int *restrict sources,
+                   __global const int *restrict beside, __global float *restrict out, int height, int width, int reach,
+                   int stride, int band, int tile, int channels, int wide, int tall, float value, float scale,
+                   float after)
+{
+    int x = get_global_id(0) * tile, y = get_global_id(1) * band;
+    if (x >= width || y >= height)
+        return;
+    float stage[STAGE] __attribute__((aligned(64))), line[MARGIN] __attribute__((aligned(64)));
+    // A pitch of a power of two would have rows fight for the same cache sets.
+    int rows = min(band, height - y) + tall - 1, count = min(tile, width - x);
+    int pitch = tile + 16, whole = (width & 15) == 0;
+    float *begun = stage + 2 * tall * pitch;
+    for (int r = 0; r < rows; r++) {
+        int i = r % tall, odd = r / tall & 1;
+        float *block = stage + odd * tall * pitch, *row = block + i * pitch;
+        __global const float *ahead = in + (size_t)max(sources[y + min(r + 1, rows - 1)], 0) * width;
+        ahead += clamp(x - reach, 0, max(width - tile, 0));
+        stage_row(line, in, beside, sources[y + r], x, reach, stride, width, value);
+        switch (wide) {
+        case 1: along_few(line, row, ahead, tile, channels, scale, after, 1); break;
+        case 2: along_few(line, row, ahead, tile, channels, scale, after, 2); break;
+        case 3: along_few(line, row, ahead, tile, channels, scale, after, 3); break;
+        case 4: along_few(line, row, ahead, tile, channels, scale, after, 4); break;
+        case 5: along_few(line, row, ahead, tile, channels, scale, after, 5); break;
+        default: along_many(line, row, ahead, tile, stride, channels, wide, scale, after);
+        }
+        __global float *to = out + (size_t)(y + r - tall + 1) * width + x;
+        if (i == tall - 1) {
+            // The block is whole: from now on its rows are joined with all that follow in it.
+            for (int k = 0; k < count; k += 32) {
+                float16 a = vload16(0, row + k), b = vload16(1, row + k);
+                for (int t = tall - 2; t >= 0; t--) {
+                    float *p = block + t * pitch + k;
+                    a = JOIN(vload16(0, p), a);
+                    b = JOIN(vload16(1, p), b);
+                    vstore16(a, 0, p);
+                    vstore16(b, 1, p);
+                }
+                put_line(to + k, a, b, count - k, whole);
+            }
+        } else {
+            const float *end = stage + (1 - odd) * tall * pitch + (i + 1) * pitch;
+            for (int k = 0; k < count; k += 32) {
+                float16 a = vload16(0, row + k), b = vload16(1, row + k);
+                if (i) {
+                    a = JOIN(vload16(0, begun + k), a);
+                    b = JOIN(vload16(1, begun + k), b);
+                }
+                vstore16(a, 0, begun + k);
+                vstore16(b, 1, begun + k);
+                if (r >= tall)
+                    put_line(to + k, JOIN(vload16(0, end + k), a), JOIN(vload16(1, end + k), b), count - k, whole);
+            }
+        }
+    }
+}
 #endif
 
 inline float16 row_of(__global const float *in, int source, int width, int x, int lane, int wide, float value)

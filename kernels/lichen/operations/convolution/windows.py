@@ -3,6 +3,9 @@
 Each line is cut into blocks as long as the window; a window is the end of one block and the beginning of the next, and
 both are accumulated inside their block. Nothing is subtracted, so nothing drifts and no NaN outlives its window.
 
+Where OpenCL does both axes in one pass, windows along a row come from windows of half their length instead, in one step
+for each binary digit of the length, or from their few samples one by one: then no lane of a vector waits for another.
+
 Source: van Herk, A fast algorithm for local minimum and maximum filters, Pattern Recognition Letters 13 (1992); Gil and
 Werman, Computing 2-D min, median, and max filters, IEEE PAMI 15 (1993).
 """
@@ -16,10 +19,14 @@ import numpy as np
 
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
+from lichen.opencl.session import Session
 from lichen.operation import Border, Footprint
 from lichen.operations.convolution.borders import OUTSIDE, continued
+from lichen.operations.convolution.stencil import Stencil, banded, gathering, stride_of
 
 LANES, BAND = 32, 64
+STAGE, MARGIN, TILES = 49152, 8192, (512, 256)
+"""Floats in which both axes are joined, floats of a row with its margin, and of the tiles that may have it."""
 
 
 class Combine(IntEnum):
@@ -55,30 +62,68 @@ class Window:
 
 
 def windows_opencl(
-    device: Device, pixels: Array, window: Window, combine: Combine, border: Border, value: float
+    device: Device,
+    pixels: Array,
+    window: Window,
+    combine: Combine,
+    border: Border,
+    value: float,
+    *,
+    nonfinite: bool = True,
 ) -> Array:
-    """The windows of every pixel of an array (height, width, channels), down and then across."""
+    """The windows of every pixel of an array (height, width, channels); `nonfinite`: whether it may hold NaN."""
     height, width, channels = pixels.shape
-    out, defines = aligned_empty(pixels.shape), {"COMBINE": int(combine)}
-    band = window.height * max(BAND // window.height, 1)
+    out, defines = aligned_empty(pixels.shape), {"COMBINE": int(combine), "NANS": int(nonfinite)}
+    tile = _tile(window, channels)
     with device.session() as session:
-        source, target = pixels, out if window.width == 1 else session.scratch(pixels.shape)
-        if window.height > 1 or window.width == 1:
-            session.launch(
-                "convolution/windows.cl", "down", (-(-width * channels // LANES), -(-height // band)),
-                source, _sources(height, window.height, window.top, border), session.readwrite(target),
-                np.int32(height), np.int32(width * channels), np.int32(window.height), np.int32(band),
-                np.float32(value), np.float32(1 / window.height), local=(1, 1), defines=defines,
-            )  # fmt: skip
-            source = target
-        if window.width > 1:
-            session.launch(
-                "convolution/windows.cl", "across", (height,),
-                source, _sources(width, window.width, window.left, border), session.readwrite(out), np.int32(height),
-                np.int32(width), np.int32(channels), np.int32(window.width), np.int32(window.left), np.float32(value),
-                np.float32(1 / window.width), local=(1,), defines=defines,
-            )  # fmt: skip
+        if tile is None:
+            _one_by_one(session, pixels, out, window, border, value, defines)
+            return out
+        stride, tiles = stride_of(window.width, channels, tile), -(-width * channels // tile)
+        band = window.height * -(-banded(height, tiles, window.height) // window.height)
+        taps = Stencil(np.ones((window.height, window.width)), window.top, window.left)
+        down, beside = gathering(pixels.shape, taps, tile, stride, border)
+        session.launch(
+            "convolution/windows.cl", "both", (tiles, -(-height // band)),
+            pixels, down, beside, session.write(out), np.int32(height), np.int32(width * channels),
+            np.int32(window.left * channels), np.int32(stride), np.int32(band), np.int32(tile), np.int32(channels),
+            np.int32(window.width), np.int32(window.height), np.float32(value), np.float32(1 / window.width),
+            np.float32(1 / window.height), local=(1, 1), defines=defines | {"STAGE": STAGE, "MARGIN": MARGIN},
+        )  # fmt: skip
     return out
+
+
+def _tile(window: Window, channels: int) -> int | None:
+    """Floats of the widest tile whose blocks and whose margin fit; None where there is none."""
+    for tile in TILES:
+        blocks = (2 * window.height + 1) * (tile + 16)
+        if blocks <= STAGE and stride_of(window.width, channels, tile) + window.width * channels + 16 <= MARGIN:
+            return tile
+    return None
+
+
+def _one_by_one(
+    session: Session, pixels: Array, out: Array, window: Window, border: Border, value: float, defines: dict[str, int]
+) -> None:
+    """Down, and then across."""
+    height, width, channels = pixels.shape
+    band = window.height * max(BAND // window.height, 1)
+    source, target = pixels, out if window.width == 1 else session.scratch(pixels.shape)
+    if window.height > 1 or window.width == 1:
+        session.launch(
+            "convolution/windows.cl", "down", (-(-width * channels // LANES), -(-height // band)),
+            source, _sources(height, window.height, window.top, border), session.readwrite(target),
+            np.int32(height), np.int32(width * channels), np.int32(window.height), np.int32(band),
+            np.float32(value), np.float32(1 / window.height), local=(1, 1), defines=defines,
+        )  # fmt: skip
+        source = target
+    if window.width > 1:
+        session.launch(
+            "convolution/windows.cl", "across", (height,),
+            source, _sources(width, window.width, window.left, border), session.readwrite(out), np.int32(height),
+            np.int32(width), np.int32(channels), np.int32(window.width), np.int32(window.left), np.float32(value),
+            np.float32(1 / window.width), local=(1,), defines=defines,
+        )  # fmt: skip
 
 
 def _sources(size: int, n: int, before: int, border: Border) -> Array:
