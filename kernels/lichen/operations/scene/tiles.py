@@ -171,7 +171,7 @@ def _lists(bounds: Callable[[Taken], Array], inputs: Inputs, p: Parameters) -> A
     every, some = (Taken.of(inputs["position"], step) for step in (1, PROBED))
     some = some if every.down * every.across >= FEW else every
     lamps = Lamps.of(p.lights)
-    if p.worth and not _worthwhile(bounds(some), lamps, p):
+    if p.worth and share_left_out(bounds(some), p) < p.worth:
         return np.zeros((every.down, every.across, 2 * p.effects), np.float32)
     made = reached(Boxes.of(bounds(every)), lamps, p.fog, p.reflected, p.faint, _sky(p))
     return made.reshape(every.down, every.across, -1).astype(np.float32)
@@ -184,11 +184,19 @@ def _sky(p: Parameters) -> Sky | None:
     return Sky(most, behind=p.surroundings is Surroundings.EVERYWHERE)
 
 
-def _worthwhile(found: Array, lamps: Lamps, p: Parameters) -> bool:
-    """Whether enough is left out where something is."""
-    why = reached(Boxes.of(found), lamps, p.fog, p.reflected, p.faint, _sky(p))[:, : p.effects]
+def share_left_out(found: Array, p: Parameters) -> float:
+    """Of the pairs of an effect and a tile with these bounds, those aside where nothing is."""
+    why = reached(Boxes.of(found), Lamps.of(p.lights), p.fog, p.reflected, p.faint, _sky(p))[:, : p.effects]
     there = np.count_nonzero(why != NOTHING)
-    return bool(np.count_nonzero(why > NOTHING) >= p.worth * there)
+    return np.count_nonzero(why > NOTHING) / there if there else 1.0
+
+
+def bounds_of_points(position: Array, normal: Array) -> Array:
+    """The bounds of tiles of one point each, float32 (points, 13); both are (points, 3)."""
+    found = np.isfinite(position)
+    spoilt = (np.isnan(position) | ~np.isfinite(normal)).any(axis=1, keepdims=True)
+    ends = [np.where(found, position, end) for end in (np.inf, -np.inf)]
+    return np.concatenate([*ends, normal, normal, spoilt], axis=1, dtype=np.float32)
 
 
 def _on_numpy(inputs: Inputs, p: Parameters) -> Array:
