@@ -1,6 +1,7 @@
 // Which share of a light reaches every point, eight pixels of a row at a time, in doubles; comparing.py is the
-// definition, operation for operation. Where only some texels of a square are compared, and depths are stored as they
-// are, floats do: sums of products round less than the quantum that is allowed for, which is then twice as large.
+// definition, operation for operation. Of one texel, floats do where no comparison could turn out otherwise. Where only
+// some texels of a square are compared, and depths are stored as they are, floats do everywhere: sums of products round
+// less than the quantum that is allowed for, which is then twice as large.
 //
 // Definitions given at build time:
 //   KIND       0 one texel, 1 comparisons averaged, 2 over a penumbra, 3 Chebyshev's bound, 4 some texels of a square
@@ -27,13 +28,16 @@ typedef float8 real8;
 typedef int8 mask8;
 #define REAL8 convert_float8
 #define QUANTUM 0x1p-20f
+#define PLACES global const float *restrict
 #else
+#define PLACES global const double *restrict
 typedef double real;
 typedef double8 real8;
 typedef long8 mask8;
 #define REAL8 convert_double8
 #define QUANTUM 0x1p-21
 #endif
+#define QUICK (KIND == 0 && POSITION && !TERMS && !BITS)
 #define ZERO ((real8)((real)0))
 #define ONE ((real8)((real)1))
 
@@ -68,11 +72,39 @@ FN real8 one(global const float *restrict in, int count)
     return vload8(0, lane);
 }
 
+FN void keep(float8 v, global float *restrict out, int count)
+{
+    if (count == LANES) {
+        vstore8(v, 0, out);
+        return;
+    }
+    float lane[LANES];
+    vstore8(v, 0, lane);
+    for (int k = 0; k < count; k++)
+        out[k] = lane[k];
+}
+
 // Texels that lie anywhere, lane by lane in registers: by way of memory a load would wait for the stores before it.
 FN float8 gathered(global const float *restrict p, int8 at)
 {
     return (float8)(p[at.s0], p[at.s1], p[at.s2], p[at.s3], p[at.s4], p[at.s5], p[at.s6], p[at.s7]);
 }
+
+#if QUICK
+#define SLACK 0x1.03p-22f
+FN void rough_three(global const float *restrict in, int count, float8 *x, float8 *y, float8 *z)
+{
+    float lane[3 * LANES];
+    if (count < LANES)
+        for (int i = 0; i < 3 * LANES; i++)
+            lane[i] = i < 3 * count ? in[i] : 0.0f;
+    float8 a = count < LANES ? vload8(0, lane) : vload8(0, in), b = count < LANES ? vload8(1, lane) : vload8(1, in);
+    float8 c = count < LANES ? vload8(2, lane) : vload8(2, in);
+    *x = (float8)(a.s0, a.s3, a.s6, b.s1, b.s4, b.s7, c.s2, c.s5);
+    *y = (float8)(a.s1, a.s4, a.s7, b.s2, b.s5, c.s0, c.s3, c.s6);
+    *z = (float8)(a.s2, a.s5, b.s0, b.s3, b.s6, c.s1, c.s4, c.s7);
+}
+#endif
 
 FN real8 row_of(global const double *restrict m, triple p)
 {
@@ -235,7 +267,8 @@ FN double8 sampled(light_map map, receiver r, double side, global const double *
 }
 #endif
 #else
-FN float8 sampled(light_map map, receiver r, float side, global const double *restrict places, int count)
+// `whole` where all of the squares lie inside of the map.
+FN float8 sampled_in(light_map map, receiver r, global const float *restrict places, int count, int whole)
 {
     global const double *n = map.n;
     int8 passed = 0;
@@ -249,11 +282,15 @@ FN float8 sampled(light_map map, receiver r, float side, global const double *re
     float8 wide = PARALLEL ? (float8)((float)n[32]) : (float)n[32] * r.z;
 #endif
     for (int k = 0; k < count; k++) {
-        float8 i = floor(r.u + (float)places[2 * k] * side), j = floor(r.v + (float)places[2 * k + 1] * side);
+        float8 i = floor(r.u + places[2 * k]), j = floor(r.v + places[2 * k + 1]), m;
         int8 column = convert_int8(i), row = convert_int8(j);
-        int8 inside = (column >= 0) & (column < map.width) & (row >= 0) & (row < map.height);
-        float8 m = gathered(map.pixels, (row * map.width + column) & inside);
-        m = inside ? m : beyond;
+        if (whole)
+            m = gathered(map.pixels, row * map.width + column);
+        else {
+            int8 inside = (column >= 0) & (column < map.width) & (row >= 0) & (row < map.height);
+            m = gathered(map.pixels, (row * map.width + column) & inside);
+            m = inside ? m : beyond;
+        }
         float8 reach = m + r.quantum, apart = fabs(i - left) + fabs(j - top);
 #if NORMALS
         reach = fma(bend, apart, reach);
@@ -271,10 +308,116 @@ FN float8 sampled(light_map map, receiver r, float side, global const double *re
     }
     return convert_float8(passed) / (float)count + spoilt;
 }
+
+FN float8 sampled(light_map map, receiver r, float side, global const float *restrict places, int count)
+{
+    float reach = 0.5f * side + 1.0f;
+    int8 inside = (r.u > reach) & (r.u < map.width - reach) & (r.v > reach) & (r.v < map.height - reach);
+    return mask_any(~inside) ? sampled_in(map, r, places, count, 0) : sampled_in(map, r, places, count, 1);
+}
+#endif
+
+#if QUICK
+
+// A row of the matrix in floats, and by how much it may be off: its numbers rounded once, and three fused steps.
+FN float8 rough_row(global const double *restrict m, float8 x, float8 y, float8 z, float8 *off)
+{
+    float a = (float)m[0], b = (float)m[1], c = (float)m[2], d = (float)m[3];
+    *off = SLACK * (fabs(a) * fabs(x) + fabs(b) * fabs(y) + fabs(c) * fabs(z) + fabs(d));
+    return fma((float8)(a), x, fma((float8)(b), y, fma((float8)(c), z, (float8)(d))));
+}
+
+FN float8 rough_dot(global const double *restrict a, float8 x, float8 y, float8 z)
+{
+    return fma((float8)((float)a[0]), x, fma((float8)((float)a[1]), y, (float)a[2] * z));
+}
+
+// The share of light in floats, where none of its comparisons could turn out otherwise in doubles: every number comes
+// with a bound on its rounding, SLACK being four units of it and a hundredth more. Whether that is so of all eight; `made`
+// then is what doubles would make.
+FN bool settled(light_map map, global const float *restrict where, global const float *restrict normals, int there,
+                float8 *made)
+{
+    global const double *n = map.n;
+    float8 x, y, z, m;
+    rough_three(where, there, &x, &y, &z);
+    int8 nan = (x != x) | (y != y) | (z != z);
+    int8 endless = (fabs(x) == INFINITY) | (fabs(y) == INFINITY) | (fabs(z) == INFINITY);
+    float8 off_a, off_b, off_z, off_w, a = rough_row(n, x, y, z, &off_a), b = rough_row(n + 4, x, y, z, &off_b);
+    float8 deep = rough_row(n + 8, x, y, z, &off_z), w = rough_row(n + 12, x, y, z, &off_w), per = 1.0f / w;
+    float8 u = a * per, v = b * per, over = 1.02f * per;
+    float8 off_u = fma(fabs(u), off_w, off_a) * over + 2.0f * SLACK * fabs(u);
+    float8 off_v = fma(fabs(v), off_w, off_b) * over + 2.0f * SLACK * fabs(v);
+    float8 quantum = 0x1p-21f * (((fabs(x) + fabs(y)) + fabs(z)) + (float)n[41]);
+    int8 sure = w > 128.0f * off_w, behind = w < -128.0f * off_w, dark = 0;
+#if NORMALS
+    float8 nx, ny, nz;
+    rough_three(normals, there, &nx, &ny, &nz);
+    nan |= (nx != nx) | (ny != ny) | (nz != nz);
+    float8 ex = x - (float)n[16], ey = y - (float)n[17], ez = z - (float)n[18];
+    float8 along = fma(nx, ex, fma(ny, ey, nz * ez)), facing = -rough_dot(n + 25, nx, ny, nz);
+    float8 all = fabs(nx) + fabs(ny) + fabs(nz);
+    float8 off_along = 2.0f * SLACK * (fabs(nx) * (fabs(x) + fabs((float)n[16])) + fabs(ny) * (fabs(y) + fabs((float)n[17]))
+                                       + fabs(nz) * (fabs(z) + fabs((float)n[18])));
+    float8 off_facing = SLACK * all, texel = (float8)((float)n[28]);
+    float8 right = rough_dot(n + 19, nx, ny, nz) * texel, down = -rough_dot(n + 22, nx, ny, nz) * texel;
+    float8 aside = PARALLEL ? facing : along, off_aside = PARALLEL ? off_facing : off_along;
+    dark = aside > off_aside;
+    int8 turned = aside < -off_aside;
+#else
+    int8 turned = -1;
+#endif
+    float8 i = floor(u), j = floor(v), wide = (float8)((float)map.width), high = (float8)((float)map.height);
+    int8 beside = (u < -off_u) | (u > wide + off_u) | (v < -off_v) | (v > high + off_v);
+    int8 placed = (u - i > off_u) & (u - i < 1.0f - off_u) & (v - j > off_v) & (v - j < 1.0f - off_v);
+    int8 inside = placed & (i >= 0.0f) & (i < wide) & (j >= 0.0f) & (j < high);
+    int8 column = convert_int8(inside ? i : (float8)(0.0f)), row = convert_int8(inside ? j : (float8)(0.0f));
+    m = gathered(map.pixels, row * map.width + column);
+    float8 reach = m + quantum, du = fabs((i + 0.5f) - u), dv = fabs((j + 0.5f) - v), apart = du + dv;
+    float8 off_reach = SLACK * (fabs(m) + 4.0f * quantum), off_apart = off_u + off_v + SLACK;
+#if NORMALS
+    float8 bend = (float)n[29] * (PARALLEL ? (float8)(1.0f) : deep);
+    reach = fma(bend, apart, reach);
+    off_reach += fabs(bend) * (off_apart + SLACK * 4.0f) + (PARALLEL ? 0.0f : (float)n[29]) * off_z * apart;
+    float8 across = (i + 0.5f) - 0.5f * wide, low = (j + 0.5f) - 0.5f * high;
+    float8 base = PARALLEL ? along : facing, sign = (float8)(PARALLEL ? -1.0f : 1.0f);
+    float8 plane = fma(sign * right, across, fma(sign * down, low, base));
+    float8 off_plane = (PARALLEL ? off_along : off_facing)
+                       + 2.0f * SLACK * (fabs(base) + (2.0f * texel * all + fabs(right)) * fabs(across)
+                                         + (2.0f * texel * all + fabs(down)) * fabs(low));
+    float8 left = PARALLEL ? plane : along, factor = PARALLEL ? facing : plane;
+    float8 off_factor = PARALLEL ? off_facing : off_plane, product = reach * factor, beyond = left - product;
+    float8 off_beyond = (PARALLEL ? off_plane : off_along) + fabs(reach) * off_factor
+                        + off_reach * (fabs(factor) + off_factor) + SLACK * (fabs(product) + fabs(left));
+    int8 over_it = (factor < -off_factor) & (beyond > off_beyond), under = (factor > off_factor) | (beyond < -off_beyond);
+    float8 before = reach - deep, off_before = off_reach + off_z + SLACK * (fabs(deep) + fabs(reach));
+    int8 lights = (before > off_before) | over_it, hides = (before < -off_before) & under;
+#else
+    float8 slope = (float)n[32] * (PARALLEL ? (float8)(1.0f) : deep);
+    float8 before = reach - (deep - slope * apart);
+    float8 off_before = off_reach + off_z + fabs(slope) * (off_apart + SLACK * 4.0f)
+                        + (PARALLEL ? 0.0f : (float)n[32]) * off_z * apart + SLACK * (fabs(deep) + fabs(reach));
+    int8 lights = before > off_before, hides = before < -off_before;
+#endif
+    int8 gone = m != m;
+    lights = (lights & ~gone) | (m == INFINITY);
+    hides = (hides & ~gone) | (m == -INFINITY);
+    // What is known of what the map does not show needs no more than that it does not.
+    int8 shown = inside & sure & turned, missed = (behind | (sure & beside)) & turned;
+    int8 known = nan | endless | dark | missed | (shown & (lights | hides | gone));
+    float8 missing = (float8)((float)n[42]);
+    float8 result = lights ? (float8)(1.0f) : (float8)(0.0f);
+    result = gone ? (float8)(NAN) : result;
+    result = missed ? missing : result;
+    result = dark ? (float8)(0.0f) : result;
+    result = endless ? (float8)(1.0f) : result;
+    *made = nan ? (float8)(NAN) : result;
+    return !mask_any(~known);
+}
 #endif
 
 kernel void shadow(global const float *restrict where, global const float *restrict normals, global const float *restrict pixels,
-                   global float *restrict out, global const double *restrict n, global const double *restrict places,
+                   global float *restrict out, global const double *restrict n, PLACES places,
                    global const double *restrict xs, global const double *restrict ys, int terms, int count, int map_width,
                    int map_height, int width, int height, global const uchar *restrict left_out)
 {
@@ -291,6 +434,13 @@ kernel void shadow(global const float *restrict where, global const float *restr
                 out[first + k] = 0.0f;
             continue;
         }
+#if QUICK
+        float8 share;
+        if (settled(map, where + first * 3, normals + first * 3, there, &share)) {
+            keep(share, out + first, there);
+            continue;
+        }
+#endif
 #if POSITION
         triple p = three(where + first * 3, there);
 #else
@@ -344,13 +494,6 @@ kernel void shadow(global const float *restrict where, global const float *restr
 #endif
         }
         float8 shown = convert_float8(reaches ? made : missing);
-        if (there == LANES)
-            vstore8(shown, 0, out + first);
-        else {
-            float lane[LANES];
-            vstore8(shown, 0, lane);
-            for (int k = 0; k < there; k++)
-                out[first + k] = lane[k];
-        }
+        keep(shown, out + first, there);
     }
 }
