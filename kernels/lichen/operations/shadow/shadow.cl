@@ -20,6 +20,7 @@
 #define TILE 32
 #define LANES 8
 #define MARGIN 64.0
+#define NUMBERS 47
 #define MOST 33 // texels across the widest filter
 #define FN static inline __attribute__((always_inline))
 #if KIND == 4 && !TERMS
@@ -319,66 +320,63 @@ FN float8 sampled(light_map map, receiver r, float side, global const float *res
 
 #if QUICK
 
+// The less and the more of two numbers; the second where one is NaN.
+FN float8 least(float8 a, float8 b) { return a < b ? a : b; }
+FN float8 most(float8 a, float8 b) { return a > b ? a : b; }
+
 // A row of the matrix in floats, and by how much it may be off: its numbers rounded once, and three fused steps.
-FN float8 rough_row(global const double *restrict m, float8 x, float8 y, float8 z, float8 *off)
+FN float8 rough_row(const float *restrict m, float8 x, float8 y, float8 z, float8 *off)
 {
-    float a = (float)m[0], b = (float)m[1], c = (float)m[2], d = (float)m[3];
+    float a = m[0], b = m[1], c = m[2], d = m[3];
     *off = SLACK * (fabs(a) * fabs(x) + fabs(b) * fabs(y) + fabs(c) * fabs(z) + fabs(d));
     return fma((float8)(a), x, fma((float8)(b), y, fma((float8)(c), z, (float8)(d))));
 }
 
-FN float8 rough_dot(global const double *restrict a, float8 x, float8 y, float8 z)
+FN float8 rough_dot(const float *restrict a, float8 x, float8 y, float8 z)
 {
-    return fma((float8)((float)a[0]), x, fma((float8)((float)a[1]), y, (float)a[2] * z));
+    return fma((float8)(a[0]), x, fma((float8)(a[1]), y, a[2] * z));
 }
 
 // The share of light in floats, where none of its comparisons could turn out otherwise in doubles: every number comes
 // with a bound on its rounding, SLACK being four units of it and a hundredth more. Whether that is so of all eight; `made`
 // then is what doubles would make.
-FN bool settled(light_map map, global const float *restrict where, global const float *restrict normals, int there,
-                float8 *made)
+FN bool settled(light_map map, const float *restrict n, global const float *restrict where,
+                global const float *restrict normals, int there, float8 *made)
 {
-    global const double *n = map.n;
     float8 x, y, z, m;
     rough_three(where, there, &x, &y, &z);
-    int8 nan = (x != x) | (y != y) | (z != z);
-    int8 endless = (fabs(x) == INFINITY) | (fabs(y) == INFINITY) | (fabs(z) == INFINITY);
     float8 off_a, off_b, off_z, off_w, a = rough_row(n, x, y, z, &off_a), b = rough_row(n + 4, x, y, z, &off_b);
     float8 deep = rough_row(n + 8, x, y, z, &off_z), w = rough_row(n + 12, x, y, z, &off_w), per = 1.0f / w;
     float8 u = a * per, v = b * per, over = 1.02f * per;
     float8 off_u = fma(fabs(u), off_w, off_a) * over + 2.0f * SLACK * fabs(u);
     float8 off_v = fma(fabs(v), off_w, off_b) * over + 2.0f * SLACK * fabs(v);
-    float8 quantum = 0x1p-21f * (((fabs(x) + fabs(y)) + fabs(z)) + (float)n[41]);
-    int8 sure = w > 128.0f * off_w, behind = w < -128.0f * off_w, dark = 0;
+    float8 quantum = 0x1p-21f * (((fabs(x) + fabs(y)) + fabs(z)) + n[41]);
+    float8 sure = w - 128.0f * off_w;
 #if NORMALS
     float8 nx, ny, nz;
     rough_three(normals, there, &nx, &ny, &nz);
-    nan |= (nx != nx) | (ny != ny) | (nz != nz);
-    float8 ex = x - (float)n[16], ey = y - (float)n[17], ez = z - (float)n[18];
+    float8 ex = x - n[16], ey = y - n[17], ez = z - n[18];
     float8 along = fma(nx, ex, fma(ny, ey, nz * ez)), facing = -rough_dot(n + 25, nx, ny, nz);
     float8 all = fabs(nx) + fabs(ny) + fabs(nz);
-    float8 off_along = 2.0f * SLACK * (fabs(nx) * (fabs(x) + fabs((float)n[16])) + fabs(ny) * (fabs(y) + fabs((float)n[17]))
-                                       + fabs(nz) * (fabs(z) + fabs((float)n[18])));
-    float8 off_facing = SLACK * all, texel = (float8)((float)n[28]);
+    float8 off_along = 2.0f * SLACK * (fabs(nx) * (fabs(x) + fabs(n[16])) + fabs(ny) * (fabs(y) + fabs(n[17]))
+                                       + fabs(nz) * (fabs(z) + fabs(n[18])));
+    float8 off_facing = SLACK * all, texel = (float8)(n[28]);
     float8 right = rough_dot(n + 19, nx, ny, nz) * texel, down = -rough_dot(n + 22, nx, ny, nz) * texel;
     float8 aside = PARALLEL ? facing : along, off_aside = PARALLEL ? off_facing : off_along;
-    dark = aside > off_aside;
-    int8 turned = aside < -off_aside;
-#else
-    int8 turned = -1;
+    sure = least(sure, -aside - off_aside);
 #endif
     float8 i = floor(u), j = floor(v), wide = (float8)((float)map.width), high = (float8)((float)map.height);
-    int8 beside = (u < -off_u) | (u > wide + off_u) | (v < -off_v) | (v > high + off_v);
-    int8 placed = (u - i > off_u) & (u - i < 1.0f - off_u) & (v - j > off_v) & (v - j < 1.0f - off_v);
-    int8 inside = placed & (i >= 0.0f) & (i < wide) & (j >= 0.0f) & (j < high);
-    int8 column = convert_int8(inside ? i : (float8)(0.0f)), row = convert_int8(inside ? j : (float8)(0.0f));
+    float8 fu = u - i, fv = v - j, last = wide - 1.0f, lowest = high - 1.0f;
+    sure = least(sure, least(least(fu, 1.0f - fu) - off_u, least(fv, 1.0f - fv) - off_v));
+    sure = least(sure, least(least(i, last - i), least(j, lowest - j)) + 0.5f);
+    int8 column = convert_int8(least(most(i, (float8)(0.0f)), last)), row = convert_int8(least(most(j, (float8)(0.0f)), lowest));
     m = gathered(map.pixels, row * map.width + column);
     float8 reach = m + quantum, du = fabs((i + 0.5f) - u), dv = fabs((j + 0.5f) - v), apart = du + dv;
     float8 off_reach = SLACK * (fabs(m) + 4.0f * quantum), off_apart = off_u + off_v + SLACK;
 #if NORMALS
-    float8 bend = (float)n[29] * (PARALLEL ? (float8)(1.0f) : deep);
+    float8 bend = n[29] * (PARALLEL ? (float8)(1.0f) : deep);
     reach = fma(bend, apart, reach);
-    off_reach += fabs(bend) * (off_apart + SLACK * 4.0f) + (PARALLEL ? 0.0f : (float)n[29]) * off_z * apart;
+    off_reach += fabs(bend) * (off_apart + SLACK * 4.0f) + (PARALLEL ? 0.0f : n[29]) * off_z * apart;
     float8 across = (i + 0.5f) - 0.5f * wide, low = (j + 0.5f) - 0.5f * high;
     float8 base = PARALLEL ? along : facing, sign = (float8)(PARALLEL ? -1.0f : 1.0f);
     float8 plane = fma(sign * right, across, fma(sign * down, low, base));
@@ -389,30 +387,40 @@ FN bool settled(light_map map, global const float *restrict where, global const 
     float8 off_factor = PARALLEL ? off_facing : off_plane, product = reach * factor, beyond = left - product;
     float8 off_beyond = (PARALLEL ? off_plane : off_along) + fabs(reach) * off_factor
                         + off_reach * (fabs(factor) + off_factor) + SLACK * (fabs(product) + fabs(left));
-    int8 over_it = (factor < -off_factor) & (beyond > off_beyond), under = (factor > off_factor) | (beyond < -off_beyond);
     float8 before = reach - deep, off_before = off_reach + off_z + SLACK * (fabs(deep) + fabs(reach));
-    int8 lights = (before > off_before) | over_it, hides = (before < -off_before) & under;
+    float8 lights = most(before - off_before, least(-factor - off_factor, beyond - off_beyond));
+    float8 hides = least(-before - off_before, most(factor - off_factor, -beyond - off_beyond));
+    float8 rest = off_u + off_v + off_w + off_aside, all_off = rest + off_before + off_beyond;
 #else
-    float8 slope = (float)n[32] * (PARALLEL ? (float8)(1.0f) : deep);
+    float8 slope = n[32] * (PARALLEL ? (float8)(1.0f) : deep);
     float8 before = reach - (deep - slope * apart);
     float8 off_before = off_reach + off_z + fabs(slope) * (off_apart + SLACK * 4.0f)
-                        + (PARALLEL ? 0.0f : (float)n[32]) * off_z * apart + SLACK * (fabs(deep) + fabs(reach));
-    int8 lights = before > off_before, hides = before < -off_before;
+                        + (PARALLEL ? 0.0f : n[32]) * off_z * apart + SLACK * (fabs(deep) + fabs(reach));
+    float8 lights = before - off_before, hides = -before - off_before;
+    float8 rest = off_u + off_v + off_w, all_off = rest + off_before;
 #endif
-    int8 gone = m != m;
-    lights = (lights & ~gone) | (m == INFINITY);
-    hides = (hides & ~gone) | (m == -INFINITY);
-    // What is known of what the map does not show needs no more than that it does not.
-    int8 shown = inside & sure & turned, missed = (behind | (sure & beside)) & turned;
-    int8 known = nan | endless | dark | missed | (shown & (lights | hides | gone));
-    float8 missing = (float8)((float)n[42]);
-    float8 result = lights ? (float8)(1.0f) : (float8)(0.0f);
-    result = gone ? (float8)(NAN) : result;
-    result = missed ? missing : result;
+    // The least keeps a NaN of what is compared last; one of what comes before has a bound that is not finite.
+    int8 known = (least(sure, most(lights, hides)) > 0.0f) & (all_off < INFINITY);
+    *made = lights > 0.0f ? (float8)(1.0f) : (float8)(0.0f);
+    if (mask_all(known))
+        return true;
+    // What is known of what the map does not show, or where nothing is, needs no more than that it is so.
+    int8 nan = (x != x) | (y != y) | (z != z), dark = 0, turned = -1;
+    int8 endless = (fabs(x) == INFINITY) | (fabs(y) == INFINITY) | (fabs(z) == INFINITY);
+#if NORMALS
+    nan |= (nx != nx) | (ny != ny) | (nz != nz);
+    dark = aside > off_aside;
+    turned = aside < -off_aside;
+#endif
+    int8 beside = (u < -off_u) | (u > wide + off_u) | (v < -off_v) | (v > high + off_v);
+    int8 missed = ((w < -128.0f * off_w) | ((w > 128.0f * off_w) & beside)) & turned;
+    int8 open = (sure > 0.0f) & (rest < INFINITY) & (m == INFINITY);
+    float8 result = open ? (float8)(1.0f) : *made;
+    result = missed ? (float8)(n[42]) : result;
     result = dark ? (float8)(0.0f) : result;
     result = endless ? (float8)(1.0f) : result;
     *made = nan ? (float8)(NAN) : result;
-    return !mask_any(~known);
+    return mask_all(known | open | missed | dark | endless | nan);
 }
 #endif
 
@@ -426,6 +434,11 @@ kernel void shadow(global const float *restrict where, global const float *restr
         return;
     int begin = ((int)get_global_id(0) % per_row) * SEGMENT, end = min(begin + SEGMENT, width);
     light_map map = {pixels, n, map_width, map_height};
+#if QUICK
+    float single[NUMBERS];
+    for (int k = 0; k < NUMBERS; k++)
+        single[k] = (float)n[k];
+#endif
     for (int column = begin; column < end; column += LANES) {
         int there = min(end - column, LANES);
         ulong first = (ulong)row * width + column;
@@ -436,7 +449,7 @@ kernel void shadow(global const float *restrict where, global const float *restr
         }
 #if QUICK
         float8 share;
-        if (settled(map, where + first * 3, normals + first * 3, there, &share)) {
+        if (settled(map, single, where + first * 3, normals + first * 3, there, &share)) {
             keep(share, out + first, there);
             continue;
         }
