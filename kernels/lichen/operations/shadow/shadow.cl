@@ -91,22 +91,6 @@ FN float8 gathered(global const float *restrict p, int8 at)
     return (float8)(p[at.s0], p[at.s1], p[at.s2], p[at.s3], p[at.s4], p[at.s5], p[at.s6], p[at.s7]);
 }
 
-#if QUICK
-#define SLACK 0x1.03p-22f
-FN void rough_three(global const float *restrict in, int count, float8 *x, float8 *y, float8 *z)
-{
-    float lane[3 * LANES];
-    if (count < LANES)
-        for (int i = 0; i < 3 * LANES; i++)
-            lane[i] = i < 3 * count ? in[i] : 0.0f;
-    float8 a = count < LANES ? vload8(0, lane) : vload8(0, in), b = count < LANES ? vload8(1, lane) : vload8(1, in);
-    float8 c = count < LANES ? vload8(2, lane) : vload8(2, in);
-    *x = (float8)(a.s0, a.s3, a.s6, b.s1, b.s4, b.s7, c.s2, c.s5);
-    *y = (float8)(a.s1, a.s4, a.s7, b.s2, b.s5, c.s0, c.s3, c.s6);
-    *z = (float8)(a.s2, a.s5, b.s0, b.s3, b.s6, c.s1, c.s4, c.s7);
-}
-#endif
-
 FN real8 row_of(global const double *restrict m, triple p)
 {
     return (((real)m[0] * p.x + (real)m[1] * p.y) + (real)m[2] * p.z) + (real)m[3];
@@ -319,109 +303,7 @@ FN float8 sampled(light_map map, receiver r, float side, global const float *res
 #endif
 
 #if QUICK
-
-// The less and the more of two numbers; the second where one is NaN.
-FN float8 least(float8 a, float8 b) { return a < b ? a : b; }
-FN float8 most(float8 a, float8 b) { return a > b ? a : b; }
-
-// A row of the matrix in floats, and by how much it may be off: its numbers rounded once, and three fused steps.
-FN float8 rough_row(const float *restrict m, float8 x, float8 y, float8 z, float8 *off)
-{
-    float a = m[0], b = m[1], c = m[2], d = m[3];
-    *off = SLACK * (fabs(a) * fabs(x) + fabs(b) * fabs(y) + fabs(c) * fabs(z) + fabs(d));
-    return fma((float8)(a), x, fma((float8)(b), y, fma((float8)(c), z, (float8)(d))));
-}
-
-FN float8 rough_dot(const float *restrict a, float8 x, float8 y, float8 z)
-{
-    return fma((float8)(a[0]), x, fma((float8)(a[1]), y, a[2] * z));
-}
-
-// The share of light in floats, where none of its comparisons could turn out otherwise in doubles: every number comes
-// with a bound on its rounding, SLACK being four units of it and a hundredth more. Whether that is so of all eight; `made`
-// then is what doubles would make.
-FN bool settled(light_map map, const float *restrict n, global const float *restrict where,
-                global const float *restrict normals, int there, float8 *made)
-{
-    float8 x, y, z, m;
-    rough_three(where, there, &x, &y, &z);
-    float8 off_a, off_b, off_z, off_w, a = rough_row(n, x, y, z, &off_a), b = rough_row(n + 4, x, y, z, &off_b);
-    float8 deep = rough_row(n + 8, x, y, z, &off_z), w = rough_row(n + 12, x, y, z, &off_w), per = 1.0f / w;
-    float8 u = a * per, v = b * per, over = 1.02f * per;
-    float8 off_u = fma(fabs(u), off_w, off_a) * over + 2.0f * SLACK * fabs(u);
-    float8 off_v = fma(fabs(v), off_w, off_b) * over + 2.0f * SLACK * fabs(v);
-    float8 quantum = 0x1p-21f * (((fabs(x) + fabs(y)) + fabs(z)) + n[41]);
-    float8 sure = w - 128.0f * off_w;
-#if NORMALS
-    float8 nx, ny, nz;
-    rough_three(normals, there, &nx, &ny, &nz);
-    float8 ex = x - n[16], ey = y - n[17], ez = z - n[18];
-    float8 along = fma(nx, ex, fma(ny, ey, nz * ez)), facing = -rough_dot(n + 25, nx, ny, nz);
-    float8 all = fabs(nx) + fabs(ny) + fabs(nz);
-    float8 off_along = 2.0f * SLACK * (fabs(nx) * (fabs(x) + fabs(n[16])) + fabs(ny) * (fabs(y) + fabs(n[17]))
-                                       + fabs(nz) * (fabs(z) + fabs(n[18])));
-    float8 off_facing = SLACK * all, texel = (float8)(n[28]);
-    float8 right = rough_dot(n + 19, nx, ny, nz) * texel, down = -rough_dot(n + 22, nx, ny, nz) * texel;
-    float8 aside = PARALLEL ? facing : along, off_aside = PARALLEL ? off_facing : off_along;
-    sure = least(sure, -aside - off_aside);
-#endif
-    float8 i = floor(u), j = floor(v), wide = (float8)((float)map.width), high = (float8)((float)map.height);
-    float8 fu = u - i, fv = v - j, last = wide - 1.0f, lowest = high - 1.0f;
-    sure = least(sure, least(least(fu, 1.0f - fu) - off_u, least(fv, 1.0f - fv) - off_v));
-    sure = least(sure, least(least(i, last - i), least(j, lowest - j)) + 0.5f);
-    int8 column = convert_int8(least(most(i, (float8)(0.0f)), last)), row = convert_int8(least(most(j, (float8)(0.0f)), lowest));
-    m = gathered(map.pixels, row * map.width + column);
-    float8 reach = m + quantum, du = fabs((i + 0.5f) - u), dv = fabs((j + 0.5f) - v), apart = du + dv;
-    float8 off_reach = SLACK * (fabs(m) + 4.0f * quantum), off_apart = off_u + off_v + SLACK;
-#if NORMALS
-    float8 bend = n[29] * (PARALLEL ? (float8)(1.0f) : deep);
-    reach = fma(bend, apart, reach);
-    off_reach += fabs(bend) * (off_apart + SLACK * 4.0f) + (PARALLEL ? 0.0f : n[29]) * off_z * apart;
-    float8 across = (i + 0.5f) - 0.5f * wide, low = (j + 0.5f) - 0.5f * high;
-    float8 base = PARALLEL ? along : facing, sign = (float8)(PARALLEL ? -1.0f : 1.0f);
-    float8 plane = fma(sign * right, across, fma(sign * down, low, base));
-    float8 off_plane = (PARALLEL ? off_along : off_facing)
-                       + 2.0f * SLACK * (fabs(base) + (2.0f * texel * all + fabs(right)) * fabs(across)
-                                         + (2.0f * texel * all + fabs(down)) * fabs(low));
-    float8 left = PARALLEL ? plane : along, factor = PARALLEL ? facing : plane;
-    float8 off_factor = PARALLEL ? off_facing : off_plane, product = reach * factor, beyond = left - product;
-    float8 off_beyond = (PARALLEL ? off_plane : off_along) + fabs(reach) * off_factor
-                        + off_reach * (fabs(factor) + off_factor) + SLACK * (fabs(product) + fabs(left));
-    float8 before = reach - deep, off_before = off_reach + off_z + SLACK * (fabs(deep) + fabs(reach));
-    float8 lights = most(before - off_before, least(-factor - off_factor, beyond - off_beyond));
-    float8 hides = least(-before - off_before, most(factor - off_factor, -beyond - off_beyond));
-    float8 rest = off_u + off_v + off_w + off_aside, all_off = rest + off_before + off_beyond;
-#else
-    float8 slope = n[32] * (PARALLEL ? (float8)(1.0f) : deep);
-    float8 before = reach - (deep - slope * apart);
-    float8 off_before = off_reach + off_z + fabs(slope) * (off_apart + SLACK * 4.0f)
-                        + (PARALLEL ? 0.0f : n[32]) * off_z * apart + SLACK * (fabs(deep) + fabs(reach));
-    float8 lights = before - off_before, hides = -before - off_before;
-    float8 rest = off_u + off_v + off_w, all_off = rest + off_before;
-#endif
-    // The least keeps a NaN of what is compared last; one of what comes before has a bound that is not finite.
-    int8 known = (least(sure, most(lights, hides)) > 0.0f) & (all_off < INFINITY);
-    *made = lights > 0.0f ? (float8)(1.0f) : (float8)(0.0f);
-    if (mask_all(known))
-        return true;
-    // What is known of what the map does not show, or where nothing is, needs no more than that it is so.
-    int8 nan = (x != x) | (y != y) | (z != z), dark = 0, turned = -1;
-    int8 endless = (fabs(x) == INFINITY) | (fabs(y) == INFINITY) | (fabs(z) == INFINITY);
-#if NORMALS
-    nan |= (nx != nx) | (ny != ny) | (nz != nz);
-    dark = aside > off_aside;
-    turned = aside < -off_aside;
-#endif
-    int8 beside = (u < -off_u) | (u > wide + off_u) | (v < -off_v) | (v > high + off_v);
-    int8 missed = ((w < -128.0f * off_w) | ((w > 128.0f * off_w) & beside)) & turned;
-    int8 open = (sure > 0.0f) & (rest < INFINITY) & (m == INFINITY);
-    float8 result = open ? (float8)(1.0f) : *made;
-    result = missed ? (float8)(n[42]) : result;
-    result = dark ? (float8)(0.0f) : result;
-    result = endless ? (float8)(1.0f) : result;
-    *made = nan ? (float8)(NAN) : result;
-    return mask_all(known | open | missed | dark | endless | nan);
-}
+#include "settled.clh"
 #endif
 
 kernel void shadow(global const float *restrict where, global const float *restrict normals, global const float *restrict pixels,
