@@ -11,7 +11,8 @@ A tile in which a position or a normal is not a number has nothing left out.
 
 One pass over both pictures finds a box around the points of each tile and one around their normals; nothing else
 depends on their size. Boxes are found without a rounding, so there is one method and no trade. Where `worth` is set
-some tiles are looked at before, so that lists that would not pay are not made.
+some tiles are looked at before, so that lists that would not pay are not made. On a device boxes are kept as long as
+both pictures are, since frames with other lamps ask for the same.
 
 Sources: O. Olsson and U. Assarsson, Tiled shading, Journal of Graphics, GPU, and Game Tools 15, 2011; W. Heidrich,
 High-quality shading and lighting, dissertation, Erlangen 1999.
