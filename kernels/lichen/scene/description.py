@@ -29,6 +29,7 @@ from lichen.operations.scene.camera import Camera
 from lichen.operations.scene.objects import Colour, Object
 from lichen.operations.scene.view import DepthKind
 from lichen.operations.shadow.parameters import Kind as Filtering
+from lichen.scene.keeping import Kept, written
 
 
 class Output(StrEnum):
@@ -166,10 +167,25 @@ class Scene(OperationParameters):
         return bool(self.buffers.given) or self.buffers.layers is not None
 
 
+_read: Kept[Scene] = Kept()
+
+
 def read(said: Scene | Mapping[str, Any] | str | bytes) -> Scene:
-    """The scene that a mapping or its JSON says. Raises `InvalidRequest` with every flaw."""
+    """The scene that a mapping or its JSON says; one that was read before, where it said the same. Raises
+    `InvalidRequest` with every flaw."""
     if isinstance(said, Scene):
         return said
+    key = written(said)
+    kept = None if key is None else _read.get(key)
+    if kept is not None:
+        return kept
+    scene = _understood(said)
+    if key is not None:
+        _read.put(key, scene)
+    return scene
+
+
+def _understood(said: Mapping[str, Any] | str | bytes) -> Scene:
     if isinstance(said, str | bytes):
         try:
             said = json.loads(said)

@@ -16,12 +16,13 @@ import numpy as np
 
 from lichen.errors import Flaw, InvalidRequest
 from lichen.image import Image, Space
-from lichen.operations.lighting.lamps import Kind
+from lichen.operations.lighting.lamps import FARTHEST, Kind, Lamp
 from lichen.planning.graph import Decision
 from lichen.planning.pipeline import INPUT, Exit, Pipeline
 from lichen.scene import predicates, tiling
 from lichen.scene.description import Buffers, Light, Output, Scene
 from lichen.scene.finishing import finished
+from lichen.scene.keeping import Kept, Pictures
 from lichen.scene.lights import Sight, apart, filtering, given_map, sight
 from lichen.scene.nodes import Nodes
 
@@ -65,12 +66,31 @@ def lower(
     faint: float = 0.0,
     images: Mapping[str, Image] | None = None,
 ) -> Lowered:
-    """The graph of a scene.
+    """The graph of a scene; the one that was made before, of the same scene and pictures.
 
     `faint` is the light that may be left out of a pixel, beside what cannot be seen at all; `images`, the pictures sent
     along, tell how much they reflect. Raises `InvalidRequest` for parameters that fog or lighting does not take.
     """
-    return _Builder(scene, prune, faint, images or {}).lowered()
+    pictures = Pictures(images or {})
+    key = (id(scene), prune, faint, pictures.key)
+    kept = _kept.get(key)
+    if kept is not None and kept.pictures.alive:
+        return kept.lowered
+    lowered = _Builder(scene, prune, faint, images or {}).lowered()
+    _kept.put(key, _Frame(scene, pictures, lowered))
+    return lowered
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Frame:
+    """What was lowered; the scene is held so that no other has its place."""
+
+    scene: Scene
+    pictures: Pictures
+    lowered: Lowered
+
+
+_kept: Kept[_Frame] = Kept()
 
 
 Numbered = list[tuple[int, Light]]
@@ -131,7 +151,7 @@ class _Builder(Nodes):
         parts: list[str] = []
         plain, hidden = self._seen()
         lamps = [light for _, light in self.lamps]
-        if self.prune and lamps and tiling.worthwhile(scene, lamps, self.images):
+        if self.prune and lamps and tiling.worthwhile(scene, lamps, self.faint, self.images):
             self._tiles()
         effect = 0
         for at, some in enumerate(plain):
@@ -259,12 +279,12 @@ class _Builder(Nodes):
         lights = [self._lamp(each) for each in lamps]
         return self.add(name, "lighting", {"model": "lambert", **surface, "lights": lights}, inputs, "/surface")
 
-    def _lamp(self, light: Light) -> dict[str, Any]:
+    def _lamp(self, light: Light) -> Lamp:
         """As `lighting` has it, with how near it comes to what stands in the scene."""
-        said = light.model_dump(mode="json", exclude={"shadow", "slide"})
+        said = light.model_dump(exclude={"shadow", "slide"})
         if light.nearest == 0 and not self.scene.everything_given:
-            said["nearest"] = predicates.clearance(light, self.scene.objects)
-        return said
+            said["nearest"] = min(predicates.clearance(light, self.scene.objects), FARTHEST)
+        return Lamp.model_validate(said)
 
     def _roughness(self, name: str, surface: dict[str, Any], inputs: dict[str, str]) -> None:
         """A buffer, or a number where it is the same everywhere."""

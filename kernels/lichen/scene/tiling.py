@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 
 from lichen.image import Image, Storage
+from lichen.memory import Array
 from lichen.operations.fog.parameters import Kind as Fog
 from lichen.operations.lighting import errors
-from lichen.operations.lighting.lamps import Kind
+from lichen.operations.lighting.lamps import Kind, Lamp
 from lichen.operations.lighting.reflection import SMOOTHEST
 from lichen.operations.scene.objects import Object
+from lichen.operations.scene.tiles import bounds_of_points, share_left_out
 from lichen.operations.shadow.parameters import Kind as Filtering
 from lichen.scene.description import Light, Output, Scene
 from lichen.scene.nodes import understood
@@ -28,11 +30,15 @@ from lichen.scene.nodes import understood
 PART = 1 / 32
 """Of the error that is asked for."""
 WORTH = 24.0
-"""Lists are made where lamps take so many times as long as a plain one, which making them takes four times."""
+"""Lists are made where lamps take so many times as long as a plain one."""
+MAKING = 8.0
+"""What making lists takes, in plain lamps, and as much again for what is not foreseen."""
 MIRROR = 20.0
 """What an environment takes, in plain lamps."""
 SAVED = 0.1
-"""Of the pairs of a lamp and a tile, in some tiles that are looked at first; what is less does not pay."""
+"""Of the pairs of a lamp and a tile, in some tiles or at some points that are looked at first; less does not pay."""
+LOOKED_AT = 6, 8
+"""Rows and columns of points of buffers that are sent along which are looked at first."""
 THICK = 0.01
 """What comes through fog that may hide a lamp."""
 
@@ -47,14 +53,39 @@ def allowed(wishes: Mapping[str, Any]) -> float:
     return 0.0
 
 
-def worthwhile(scene: Scene, lamps: Sequence[Light], images: Mapping[str, Image]) -> bool:
-    """Whether lamps take long, and may give nothing in some places: by their cones, or for the fog."""
+def worthwhile(scene: Scene, lamps: Sequence[Light], faint: float, images: Mapping[str, Image]) -> bool:
+    """Whether lamps take long, and may give nothing in some places: by their cones, or for the fog. Where buffers are
+    sent along a few of their points tell how many; otherwise the operation `tiles` finds out."""
     aimed = any(each.kind not in (Kind.DIRECTIONAL, Kind.POINT) for each in lamps)
     if not aimed and not _thick(scene, images):
         return False
     each = 1.0 if scene.surface.get("model", "lambert") == "lambert" else 3.0
     surroundings = 0.0 if scene.environment is None else MIRROR
-    return surroundings + sum(each * math.prod(lamp.grid) + _shadowing(lamp) for lamp in lamps) >= WORTH
+    taken = surroundings + sum(each * math.prod(lamp.grid) + _shadowing(lamp) for lamp in lamps)
+    if taken < WORTH:
+        return False
+    points = _points(scene, images)
+    if points is None:
+        return True
+    p = understood("tiles", parameters(scene, lamps, faint, images), "/lights")
+    return share_left_out(points, p) >= max(SAVED, MAKING / taken)
+
+
+def _points(scene: Scene, images: Mapping[str, Image]) -> Array | None:
+    """Bounds of some points of the surfaces, evenly spread; None where no pictures of them are sent along."""
+    names = [scene.buffers.given.get(name) for name in ("position", "normal")]
+    sent = [images.get(name) for name in names if name is not None]
+    if len(sent) < 2 or any(each is None or each.channels != 3 for each in sent):
+        return None
+    some = []
+    for each in sent:
+        assert each is not None, "it was sent"
+        rows, columns = (
+            np.arange(count) * size // count + size // (2 * count)
+            for count, size in zip(LOOKED_AT, (each.height, each.width), strict=True)
+        )
+        some.append(each.pixels[rows[:, None], columns].reshape(-1, 3))
+    return bounds_of_points(*some)
 
 
 def _thick(scene: Scene, images: Mapping[str, Image]) -> bool:
@@ -90,9 +121,9 @@ def _shadowing(lamp: Light) -> float:
 
 def parameters(scene: Scene, lamps: Sequence[Light], faint: float, images: Mapping[str, Image]) -> dict[str, Any]:
     """Of the operation `tiles`."""
-    lights = [each.model_dump(mode="json", exclude={"shadow", "slide"}) for each in lamps]
+    lights = [Lamp.model_validate(each.model_dump(exclude={"shadow", "slide"})) for each in lamps]
     made: dict[str, Any] = {"lights": lights, "faint": faint, "reflected": _reflected(scene, images)}
-    made["worth"] = 0.0 if scene.output is Output.TILES else SAVED
+    made["worth"] = 0.0 if scene.output is Output.TILES or _points(scene, images) is not None else SAVED
     fog = _hiding(scene)
     if fog is not None:
         made["fog"] = fog

@@ -10,6 +10,7 @@
 //   COLOURS            1 to 4 channels of pictures
 //   WEIGHT             float or double: the precision of reflectances
 //   REAL, SHORT        double and 0, or float and 1: the precision of directions and places
+//   NEAREST            1 for the texel that a direction falls in, 0 for a mean of four
 //   BASE, IRRADIANCE   1 where there is such an input; COATED 1 where the base loses what is reflected
 //   BEHIND             1 where the environment shows where there is no surface
 // `n` holds the turn, row by row, the eye, the scale of the view, the index, its inverse, and the constant reflectance.
@@ -24,22 +25,23 @@
 #define FN static inline __attribute__((always_inline))
 #define EACH for (int i = 0; i < SEGMENT; ++i)
 
-// Where directions lie between the texels of a framed environment.
+// Where directions lie between the texels of a framed environment; of the nearest, x is 0, or NaN for what is no direction.
 typedef struct {
     int texel[SEGMENT];
     float x[SEGMENT], y[SEGMENT];
 } Places;
 
-// What squares of floats would lose: the largest of three numbers becomes 1, if there is one.
+// What squares of floats would lose: the largest of three numbers is brought near 1 by a power of two, if it is not 0.
 #define R(x) ((REAL)(x))
 #if SHORT
-#define SCALE(x, y, z)                                     \
-    {                                                      \
-        REAL most = fmax(fabs(x), fmax(fabs(y), fabs(z))); \
-        most = most > 0 ? most : R(1);                     \
-        x /= most;                                         \
-        y /= most;                                         \
-        z /= most;                                         \
+#define SCALE(x, y, z)                                                       \
+    {                                                                        \
+        REAL most = fmax(fabs(x), fmax(fabs(y), fabs(z)));                   \
+        int bits = (253 << 23) - (as_int(most) & 0x7f800000);                \
+        REAL power = as_float(bits > (1 << 23) ? bits : 1 << 23);            \
+        x *= power;                                                          \
+        y *= power;                                                          \
+        z *= power;                                                          \
     }
 #else
 #define SCALE(x, y, z)
@@ -78,9 +80,13 @@ FN void located(Places *restrict at, const Directions *restrict d, int tall, int
 #if CHART == 0
     EACH {
         float x = (float)d->x[i], y = (float)d->y[i], z = (float)d->z[i];
+#if SHORT
+        s[i] = num_atan2(x, z) * R(0.31830988618379067);
+#else
         // Near a pole all of a longitude may be in numbers that a float does not hold.
         REAL far = fmax(fabs(d->x[i]), fabs(d->z[i])), whole = far > 0 ? far : R(1);
         s[i] = num_atan2((float)(d->x[i] / whole), (float)(d->z[i] / whole)) * R(0.31830988618379067);
+#endif
         t[i] = num_atan2(y, sqrt(x * x + z * z)) * R(0.63661977236758134);
         face[i] = 0;
     }
@@ -115,11 +121,18 @@ FN void located(Places *restrict at, const Directions *restrict d, int tall, int
 #endif
     EACH {
         REAL x = (s[i] + 1) / 2 * wide - R(0.5), y = (t[i] + 1) / 2 * tall - R(0.5), left = floor(x), top = floor(y);
-        bool there = fabs(x) < 1e9 && fabs(y) < 1e9;
-        int column = (int)(there ? left : R(0.0)) + 1, row = (int)(there ? top : R(0.0)) + 1;
-        at->texel[i] = (face[i] * (tall + 2) + row) * (wide + 2) + column;
+        // What is no number falls on the frame.
+        REAL across = left > -1 ? left : R(-1.0), down = top > -1 ? top : R(-1.0);
+        int column = (int)(across < wide ? across : R(wide)) + 1, row = (int)(down < tall ? down : R(tall)) + 1;
+#if NEAREST
+        column += x - left >= R(0.5);
+        row += y - top >= R(0.5);
+        at->x[i] = (float)((x - x) + (y - y));
+#else
         at->x[i] = (float)(x - left);
         at->y[i] = (float)(y - top);
+#endif
+        at->texel[i] = (face[i] * (tall + 2) + row) * (wide + 2) + column;
     }
 }
 
@@ -141,21 +154,20 @@ FN float4 next(float8 both)
 }
 
 // Between texels, or the nearest. Reads up to 8 floats from a texel on; what is not of it or its neighbour is not used.
-FN float4 value(global const float *restrict image, const Places *restrict at, int i, int wide, int nearest)
+FN float4 value(global const float *restrict image, const Places *restrict at, int i, int wide)
 {
     global const float *p = image + COLOURS * (size_t)at->texel[i];
+#if NEAREST
+    return vload4(0, p) + at->x[i];
+#else
     size_t row = COLOURS * (size_t)(wide + 2);
-    if (nearest) {
-        float4 near = vload4(0, p + (at->x[i] >= 0.5f ? COLOURS : 0) + (at->y[i] >= 0.5f ? row : 0));
-        float gone = at->x[i] + at->y[i];
-        return gone == gone ? near : (float4)(gone);
-    }
     float x = at->x[i], y = at->y[i];
     float8 upper = vload8(0, p), lower = vload8(0, p + row);
     if (x * y == 0.0f)
         return mixed(mixed(upper.lo, next(upper), x), mixed(lower.lo, next(lower), x), y);
     float8 both = (1.0f - y) * upper + y * lower;
     return (1.0f - x) * both.lo + x * next(both);
+#endif
 }
 
 FN float4 coloured(const float *restrict from, int i)
@@ -197,7 +209,7 @@ kernel void reflection(global const float *restrict normals, global const float 
                        global const float *restrict base, global const float *restrict environment,
                        global const float *restrict irradiance, global float *restrict out,
                        global const double *restrict n, global const int *restrict cells, int width, int height,
-                       int tall, int wide, int irradiance_tall, int irradiance_wide, int nearest,
+                       int tall, int wide, int irradiance_tall, int irradiance_wide,
                        global const uchar *restrict skipped, ulong pixels)
 {
     ulong first = get_global_id(0) * (ulong)SEGMENT;
@@ -299,7 +311,7 @@ kernel void reflection(global const float *restrict normals, global const float 
     float4 made[SEGMENT];
 #if IRRADIANCE
     located(&at, &outward, irradiance_tall, irradiance_wide, cells);
-    EACH made[i] = value(irradiance, &at, i, irradiance_wide, nearest);
+    EACH made[i] = value(irradiance, &at, i, irradiance_wide);
 #endif
     EACH {
         // What is hidden wholly stays so, however large the product of base and irradiance.
@@ -310,7 +322,7 @@ kernel void reflection(global const float *restrict normals, global const float 
         made[i] = coloured(own, i) * kept;
 #elif IRRADIANCE
         made[i] *= kept;
-#else
+#elif MODE == 1
         made[i] = (float4)(0.0f);
 #endif
     }
@@ -318,17 +330,21 @@ kernel void reflection(global const float *restrict normals, global const float 
 #if MODE != 1
     located(&at, &mirror, tall, wide, cells);
     EACH {
-        float4 seen = value(environment, &at, i, wide, nearest);
+        float4 seen = value(environment, &at, i, wide);
 #if BASE
         plain = coloured(own, i);
 #endif
-        made[i] = empty[i] ? (BEHIND ? seen : plain) : made[i] + share[i] * seen;
+        float4 shown = share[i] * seen;
+#if BASE || IRRADIANCE
+        shown += made[i];
+#endif
+        made[i] = (int4)(-empty[i]) ? (BEHIND ? seen : plain) : shown;
     }
 #endif
 #if MODE != 0
     located(&at, &through, tall, wide, cells);
     EACH {
-        float4 seen = value(environment, &at, i, wide, nearest), kept = made[i];
+        float4 seen = value(environment, &at, i, wide), kept = made[i];
         float passes = MODE == 1 && !FRESNEL ? share[i] : 1.0f - share[i];
 #if MODE == 1
 #if BASE
@@ -345,17 +361,21 @@ kernel void reflection(global const float *restrict normals, global const float 
 #else
         EACH made[i] = skip[i] ? (float4)(0.0f) : made[i];
 #endif
-    for (int i = 0; i <= last; ++i) {
-        global float *p = out + (first + i) * COLOURS;
+    global float *p = out + first * COLOURS;
+#if COLOURS == 3
+    for (int i = 0; i < last; ++i) // four numbers at once: the next pixel takes its own place back
+        vstore4(made[i], 0, p + 3 * i);
+    vstore3(made[last].xyz, 0, p + 3 * last);
+#else
+    for (int i = 0; i <= last; ++i, p += COLOURS) {
         p[0] = made[i].x;
 #if COLOURS > 1
         p[1] = made[i].y;
 #endif
 #if COLOURS > 2
         p[2] = made[i].z;
-#endif
-#if COLOURS > 3
         p[3] = made[i].w;
 #endif
     }
+#endif
 }

@@ -319,7 +319,7 @@ def _launched(
         "FRESNEL": fresnel, "COLOURS": channels, "BASE": int("base" in inputs),
         "WEIGHT": "float" if 0.5 <= p.index <= 2 else "double", "IRRADIANCE": int("irradiance" in inputs),
         "COATED": int(p.coated), "REAL": "float" if short else "double", "SHORT": int(short),
-        "BEHIND": int(p.background is Background.ENVIRONMENT),
+        "BEHIND": int(p.background is Background.ENVIRONMENT), "NEAREST": int(nearest),
     }  # fmt: skip
     out = aligned_empty((normal.height, normal.width, channels))
     memories = (maps[name][1] if name in maps else None for name in ("environment", "irradiance"))
@@ -336,7 +336,7 @@ def _launched(
             "environment/reflection.cl", "reflection", (-(-pixels // 64),),
             aligned(normal.pixels), given["position"], given["base"], *memories,
             session.write(out), aligned(numbers, np.float64), _cells(p.chart), np.int32(normal.width),
-            np.int32(normal.height), *sizes, np.int32(nearest),
+            np.int32(normal.height), *sizes,
             None if skipped is None else aligned(skipped, np.uint8), np.uint64(pixels),
             local=(1,), defines=defines,
         )  # fmt: skip

@@ -53,6 +53,8 @@ Colour = tuple[Share, Share, Share]
 Doubles = npt.NDArray[np.float64]
 
 DIRECTIONAL, POSITIONAL = 0, 1
+FARTHEST = 1e6
+"""Of the distances that a lamp may say nothing is within."""
 ROW = 40
 """Numbers of a row; `Row` says what they are."""
 
@@ -122,7 +124,7 @@ class Lamp(OperationParameters):
     """factor on the colour"""
     radius: float = Field(0.05, ge=1e-6, le=1e6)
     """half of the lamp's extent, within which its falloff ends"""
-    nearest: float = Field(0.0, ge=0, le=1e6)
+    nearest: float = Field(0.0, ge=0, le=FARTHEST)
     """distances below count as this: where nothing is nearer it changes no light, but what may be said of errors"""
     falloff: tuple[Share, Share, Share] = (0.0, 0.0, 1.0)
     """constant, linear and quadratic part of what the distance divides by"""

@@ -9,6 +9,8 @@
 
 #define ROW 40
 #define TILE 32
+#define NEAR 1e-18f // squares of distances between which products of them are neither 0 nor infinite
+#define FAR 1e18f
 
 PLANE_FN vector16 load3(global const float *restrict in, int count)
 {
@@ -85,12 +87,20 @@ PLANE_FN vector16 projected(global const float *restrict row, vector16 way, glob
 // The light that arrives, before the cosine at the surface, as a share of the lamp's colour; l becomes its direction.
 PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector16 *l)
 {
-    float16 square = num_max(vector_dot(way, way), (float16)(row[28])), apart = square + row[13];
-    *l = vector_unit(way);
+    float16 own = vector_dot(way, way), square = row[28] == 0.0f ? own : num_max(own, (float16)(row[28]));
+    float16 apart = square + row[13], root = sqrt(apart), by = 1.0f / sqrt(own);
     float16 falls = fma((float16)(row[16]), apart, (float16)(row[14]));
     if (row[15] != 0.0f)
-        falls = fma((float16)(row[15]), sqrt(apart), falls);
-    float16 strength = 1.0f / (sqrt(1.0f + row[13] / square) * falls); // 0 on the lamp itself
+        falls = fma((float16)(row[15]), root, falls);
+    // Where nothing leaves the range of floats there is one division less, and no scaling; whatever lies beside it.
+    int16 usual = (own > NEAR) & (own < FAR);
+    *l = vector_scale(way, by);
+    float16 strength = (row[28] == 0.0f ? own * by : sqrt(square)) / (root * falls);
+    if (!mask_all(usual)) {
+        vector16 unit = vector_unit(way);
+        *l = vector(usual ? l->x : unit.x, usual ? l->y : unit.y, usual ? l->z : unit.z);
+        strength = usual ? strength : 1.0f / (sqrt(1.0f + row[13] / square) * falls); // 0 on the lamp itself
+    }
     vector16 axis = same3(row + 10);
     if (row[17] != 0.0f) {
         float16 cosine = -vector_dot(axis, *l);
@@ -159,8 +169,9 @@ kernel void lighting(global const float *restrict normal, global const float *re
     s.tables = tables;
     s.size = size;
     s.width = n[29];
-    vector16 t = channels[4] ? vector_unit(load3(tangent + first * 3, count)) : same3(n + 25);
-    if (model != BANKS) {
+    bool grained = model == LAFORTUNE || model == WARD || model == BANKS;
+    vector16 t = grained && channels[4] ? vector_unit(load3(tangent + first * 3, count)) : same3(n + 25);
+    if (grained && model != BANKS) {
         vector16 across_n = vector_along(facing, -vector_dot(facing, t), t);
         float16 square_across = vector_dot(across_n, across_n);
         t = vector_scale(vector_unit(across_n), square_across < n[28] ? (float16)(0.0f) : (float16)(1.0f));
@@ -198,6 +209,11 @@ kernel void lighting(global const float *restrict normal, global const float *re
         if (k >= looked_at)
             light = vector((float16)(0.0f), (float16)(0.0f), (float16)(0.0f));
         float16 u = vector_dot(facing, l), diffuse = u > 0.0f ? u : u - u;
+        if (active && !spoilt) { // of a tile's lamps some do not reach these pixels
+            int16 unlit = (light.x == 0.0f) & (light.y == 0.0f) & (light.z == 0.0f);
+            if (mask_all(unlit | ((u <= 0.0f) & tame(light))))
+                continue;
+        }
 #if SHINY
         if (model == BANKS) {
             vector16 across = vector_cross(l, t);

@@ -11,7 +11,8 @@ A tile in which a position or a normal is not a number has nothing left out.
 
 One pass over both pictures finds a box around the points of each tile and one around their normals; nothing else
 depends on their size. Boxes are found without a rounding, so there is one method and no trade. Where `worth` is set
-some tiles are looked at before, so that lists that would not pay are not made.
+some tiles are looked at before, so that lists that would not pay are not made. On a device boxes are kept as long as
+both pictures are, since frames with other lamps ask for the same.
 
 Sources: O. Olsson and U. Assarsson, Tiled shading, Journal of Graphics, GPU, and Game Tools 15, 2011; W. Heidrich,
 High-quality shading and lighting, dissertation, Erlangen 1999.
@@ -20,9 +21,11 @@ High-quality shading and lighting, dissertation, Erlangen 1999.
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -171,7 +174,7 @@ def _lists(bounds: Callable[[Taken], Array], inputs: Inputs, p: Parameters) -> A
     every, some = (Taken.of(inputs["position"], step) for step in (1, PROBED))
     some = some if every.down * every.across >= FEW else every
     lamps = Lamps.of(p.lights)
-    if p.worth and not _worthwhile(bounds(some), lamps, p):
+    if p.worth and share_left_out(bounds(some), p) < p.worth:
         return np.zeros((every.down, every.across, 2 * p.effects), np.float32)
     made = reached(Boxes.of(bounds(every)), lamps, p.fog, p.reflected, p.faint, _sky(p))
     return made.reshape(every.down, every.across, -1).astype(np.float32)
@@ -184,11 +187,19 @@ def _sky(p: Parameters) -> Sky | None:
     return Sky(most, behind=p.surroundings is Surroundings.EVERYWHERE)
 
 
-def _worthwhile(found: Array, lamps: Lamps, p: Parameters) -> bool:
-    """Whether enough is left out where something is."""
-    why = reached(Boxes.of(found), lamps, p.fog, p.reflected, p.faint, _sky(p))[:, : p.effects]
+def share_left_out(found: Array, p: Parameters) -> float:
+    """Of the pairs of an effect and a tile with these bounds, those aside where nothing is."""
+    why = reached(Boxes.of(found), Lamps.of(p.lights), p.fog, p.reflected, p.faint, _sky(p))[:, : p.effects]
     there = np.count_nonzero(why != NOTHING)
-    return bool(np.count_nonzero(why > NOTHING) >= p.worth * there)
+    return np.count_nonzero(why > NOTHING) / there if there else 1.0
+
+
+def bounds_of_points(position: Array, normal: Array) -> Array:
+    """The bounds of tiles of one point each, float32 (points, 13); both are (points, 3)."""
+    found = np.isfinite(position)
+    spoilt = (np.isnan(position) | ~np.isfinite(normal)).any(axis=1, keepdims=True)
+    ends = [np.where(found, position, end) for end in (np.inf, -np.inf)]
+    return np.concatenate([*ends, normal, normal, spoilt], axis=1, dtype=np.float32)
 
 
 def _on_numpy(inputs: Inputs, p: Parameters) -> Array:
@@ -198,6 +209,33 @@ def _on_numpy(inputs: Inputs, p: Parameters) -> Array:
     return _lists(
         lambda taken: square[taken.row :: taken.step, taken.column :: taken.step].reshape(-1, found.shape[1]), inputs, p
     )
+
+
+def _kept(device: Device, inputs: Inputs, taken: Taken) -> Array:
+    """The bounds of tiles, kept as long as both pictures are: frames with other lamps ask for the same."""
+    position, normal = inputs["position"], inputs["normal"]
+    held: dict[Taken, tuple[weakref.ref[Image], Array]] = vars(position).setdefault("bounds", {})
+    beside, found = held.get(taken, (None, None))
+    if beside is None or found is None or beside() is not normal:
+        found = _launched(device, inputs, taken)
+        held[taken] = weakref.ref(normal), found
+    return found
+
+
+def _launched(device: Device, inputs: Inputs, taken: Taken) -> Array:
+    """The bounds of tiles, by the kernel."""
+    position, normal = (aligned(inputs[name].pixels) for name in ("position", "normal"))
+    height, width, _ = position.shape
+    count = taken.down * taken.across
+    found = aligned_empty((count, BOUNDS))
+    with device.session() as session:
+        session.launch(
+            "scene/tiles.cl", "bounds", (count,),
+            position, normal, session.write(found), np.int32(width), np.int32(height), np.int32(taken.across),
+            np.int32(count), np.int32(taken.column), np.int32(taken.row), np.int32(taken.step),
+            local=(1,),
+        )  # fmt: skip
+    return found
 
 
 @tiles.truth
@@ -216,22 +254,7 @@ class Exact:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        position, normal = (aligned(inputs[name].pixels) for name in ("position", "normal"))
-        height, width, _ = position.shape
-
-        def bounds(taken: Taken) -> Array:
-            count = taken.down * taken.across
-            found = aligned_empty((count, BOUNDS))
-            with device.session() as session:
-                session.launch(
-                    "scene/tiles.cl", "bounds", (count,),
-                    position, normal, session.write(found), np.int32(width), np.int32(height),
-                    np.int32(taken.across), np.int32(count), np.int32(taken.column), np.int32(taken.row),
-                    np.int32(taken.step), local=(1,),
-                )  # fmt: skip
-            return found
-
-        return aligned(_lists(bounds, inputs, p))
+        return aligned(_lists(partial(_kept, device, inputs), inputs, p))
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:

@@ -64,6 +64,13 @@ def _rays(p: Parameters, height: int, width: int) -> tuple[Array, Array]:
     return aligned(np.append(x, np.full(7, x[0, -1])), np.float64), aligned(y.ravel(), np.float64)
 
 
+def _places(p: Parameters, places: Array | None) -> Array:
+    """What the kernel reads of the filter's places: in texels and float32 where it compares in float32."""
+    if places is None:
+        return aligned(np.zeros((1, 2)), np.float64)
+    return aligned(places * p.filter) if p.map_kind is MapKind.PLANAR else aligned(places, np.float64)
+
+
 def launched(
     device: Device, inputs: Inputs, p: Parameters, stored: Stored = WHOLE, places: Array | None = None
 ) -> Array:
@@ -87,7 +94,7 @@ def launched(
             receivers, aligned(inputs["normal"].pixels) if "normal" in inputs else receivers,
             aligned(depths.pixels[..., :1]), session.write(out),
             numbers(p, depths.height, depths.width, stored),
-            aligned(np.zeros((1, 2)) if places is None else places, np.float64),
+            _places(p, places),
             x, y,
             np.int32(min(list(DepthKind).index(p.depth_kind), 2)), np.int32(count),
             np.int32(depths.width), np.int32(depths.height), np.int32(width), np.int32(height),

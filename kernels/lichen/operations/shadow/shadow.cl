@@ -1,6 +1,7 @@
 // Which share of a light reaches every point, eight pixels of a row at a time, in doubles; comparing.py is the
-// definition, operation for operation. Where only some texels of a square are compared, and depths are stored as they
-// are, floats do: sums of products round less than the quantum that is allowed for, which is then twice as large.
+// definition, operation for operation. Of one texel, floats do where no comparison could turn out otherwise. Where only
+// some texels of a square are compared, and depths are stored as they are, floats do everywhere: sums of products round
+// less than the quantum that is allowed for, which is then twice as large.
 //
 // Definitions given at build time:
 //   KIND       0 one texel, 1 comparisons averaged, 2 over a penumbra, 3 Chebyshev's bound, 4 some texels of a square
@@ -19,6 +20,7 @@
 #define TILE 32
 #define LANES 8
 #define MARGIN 64.0
+#define NUMBERS 47
 #define MOST 33 // texels across the widest filter
 #define FN static inline __attribute__((always_inline))
 #if KIND == 4 && !TERMS
@@ -27,13 +29,16 @@ typedef float8 real8;
 typedef int8 mask8;
 #define REAL8 convert_float8
 #define QUANTUM 0x1p-20f
+#define PLACES global const float *restrict
 #else
+#define PLACES global const double *restrict
 typedef double real;
 typedef double8 real8;
 typedef long8 mask8;
 #define REAL8 convert_double8
 #define QUANTUM 0x1p-21
 #endif
+#define QUICK (KIND == 0 && POSITION && !TERMS && !BITS)
 #define ZERO ((real8)((real)0))
 #define ONE ((real8)((real)1))
 
@@ -66,6 +71,18 @@ FN real8 one(global const float *restrict in, int count)
     for (int i = 0; i < LANES; i++)
         lane[i] = i < count ? in[i] : 0.0f;
     return vload8(0, lane);
+}
+
+FN void keep(float8 v, global float *restrict out, int count)
+{
+    if (count == LANES) {
+        vstore8(v, 0, out);
+        return;
+    }
+    float lane[LANES];
+    vstore8(v, 0, lane);
+    for (int k = 0; k < count; k++)
+        out[k] = lane[k];
 }
 
 // Texels that lie anywhere, lane by lane in registers: by way of memory a load would wait for the stores before it.
@@ -235,7 +252,8 @@ FN double8 sampled(light_map map, receiver r, double side, global const double *
 }
 #endif
 #else
-FN float8 sampled(light_map map, receiver r, float side, global const double *restrict places, int count)
+// `whole` where all of the squares lie inside of the map.
+FN float8 sampled_in(light_map map, receiver r, global const float *restrict places, int count, int whole)
 {
     global const double *n = map.n;
     int8 passed = 0;
@@ -249,11 +267,15 @@ FN float8 sampled(light_map map, receiver r, float side, global const double *re
     float8 wide = PARALLEL ? (float8)((float)n[32]) : (float)n[32] * r.z;
 #endif
     for (int k = 0; k < count; k++) {
-        float8 i = floor(r.u + (float)places[2 * k] * side), j = floor(r.v + (float)places[2 * k + 1] * side);
+        float8 i = floor(r.u + places[2 * k]), j = floor(r.v + places[2 * k + 1]), m;
         int8 column = convert_int8(i), row = convert_int8(j);
-        int8 inside = (column >= 0) & (column < map.width) & (row >= 0) & (row < map.height);
-        float8 m = gathered(map.pixels, (row * map.width + column) & inside);
-        m = inside ? m : beyond;
+        if (whole)
+            m = gathered(map.pixels, row * map.width + column);
+        else {
+            int8 inside = (column >= 0) & (column < map.width) & (row >= 0) & (row < map.height);
+            m = gathered(map.pixels, (row * map.width + column) & inside);
+            m = inside ? m : beyond;
+        }
         float8 reach = m + r.quantum, apart = fabs(i - left) + fabs(j - top);
 #if NORMALS
         reach = fma(bend, apart, reach);
@@ -271,10 +293,21 @@ FN float8 sampled(light_map map, receiver r, float side, global const double *re
     }
     return convert_float8(passed) / (float)count + spoilt;
 }
+
+FN float8 sampled(light_map map, receiver r, float side, global const float *restrict places, int count)
+{
+    float reach = 0.5f * side + 1.0f;
+    int8 inside = (r.u > reach) & (r.u < map.width - reach) & (r.v > reach) & (r.v < map.height - reach);
+    return mask_any(~inside) ? sampled_in(map, r, places, count, 0) : sampled_in(map, r, places, count, 1);
+}
+#endif
+
+#if QUICK
+#include "settled.clh"
 #endif
 
 kernel void shadow(global const float *restrict where, global const float *restrict normals, global const float *restrict pixels,
-                   global float *restrict out, global const double *restrict n, global const double *restrict places,
+                   global float *restrict out, global const double *restrict n, PLACES places,
                    global const double *restrict xs, global const double *restrict ys, int terms, int count, int map_width,
                    int map_height, int width, int height, global const uchar *restrict left_out)
 {
@@ -283,6 +316,11 @@ kernel void shadow(global const float *restrict where, global const float *restr
         return;
     int begin = ((int)get_global_id(0) % per_row) * SEGMENT, end = min(begin + SEGMENT, width);
     light_map map = {pixels, n, map_width, map_height};
+#if QUICK
+    float single[NUMBERS];
+    for (int k = 0; k < NUMBERS; k++)
+        single[k] = (float)n[k];
+#endif
     for (int column = begin; column < end; column += LANES) {
         int there = min(end - column, LANES);
         ulong first = (ulong)row * width + column;
@@ -291,6 +329,13 @@ kernel void shadow(global const float *restrict where, global const float *restr
                 out[first + k] = 0.0f;
             continue;
         }
+#if QUICK
+        float8 share;
+        if (settled(map, single, where + first * 3, normals + first * 3, there, &share)) {
+            keep(share, out + first, there);
+            continue;
+        }
+#endif
 #if POSITION
         triple p = three(where + first * 3, there);
 #else
@@ -344,13 +389,6 @@ kernel void shadow(global const float *restrict where, global const float *restr
 #endif
         }
         float8 shown = convert_float8(reaches ? made : missing);
-        if (there == LANES)
-            vstore8(shown, 0, out + first);
-        else {
-            float lane[LANES];
-            vstore8(shown, 0, lane);
-            for (int k = 0; k < there; k++)
-                out[first + k] = lane[k];
-        }
+        keep(shown, out + first, there);
     }
 }

@@ -144,7 +144,8 @@ def _by_rows(inputs: Inputs, p: Parameters, body: Callable[[slice], Array]) -> A
     rates={"opencl": Rate(3e-4, 9e-10), "numpy": Rate(1e-3, 4e-8)},
 )
 class Exact:
-    """All texels of the filter, in doubles; on a device without doubles, on the host."""
+    """All texels of the filter, in doubles; of a single one, in float32 wherever doubles would find the same. On a
+    device without doubles, on the host."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:

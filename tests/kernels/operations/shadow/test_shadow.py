@@ -50,6 +50,27 @@ def test_shadow_is_where_the_ray_to_the_light_is_stopped(light: dict[str, object
     assert np.any((soft > 0.05) & (soft < 0.95))
 
 
+@pytest.mark.parametrize("light", [LAMP, FLAT], ids=["perspective", "parallel"])
+def test_single_texels_are_compared_as_in_doubles(light: dict[str, object]) -> None:
+    """In shadow, at its edge, where the map shows nothing, behind the lamp, and beside numbers that are none."""
+    inputs = scene(light, 96)
+    wide = inputs["depth"] * np.float32([1, 1, 40])
+    wide[::9, ::7, 1] += np.float32(9)
+    normal = inputs["normal"].copy()
+    normal[5::11, 3::13] = [np.inf, 0, 1]
+    normal[2::11, 5::13] = [0, -1, 0]
+    wide[40, 50], wide[41, 50], wide[42, 50] = np.nan, np.inf, 1e30
+    hole = inputs["map"].copy()
+    hole[::8, ::5] = np.nan
+    for outside in ("lit", "dark"):
+        for given in ({"map": hole, "depth": wide, "normal": normal}, {"map": hole, "depth": wide}):
+            first, second = (
+                lichen.run("shadow", **given, **light, outside=outside, device=device).image.pixels
+                for device in ("opencl", "numpy")
+            )
+            assert np.array_equal(first, second, equal_nan=True)
+
+
 @pytest.mark.parametrize("kind", ["pcf", "pcss", "variance"])
 def test_backends_give_the_same_bits(kind: str) -> None:
     inputs = scene(LAMP, 96)
