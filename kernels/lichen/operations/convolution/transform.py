@@ -13,10 +13,10 @@ import numpy as np
 from scipy import fft
 
 from lichen.memory import Array, aligned_empty
-from lichen.opencl.processors import processors
 from lichen.operation import Border
 from lichen.operations.convolution.kernels import Matrix
 from lichen.operations.convolution.stencil import Stencil, continue_image
+from lichen.processors import threads
 
 
 def correlated_by_transform(pixels: Array, whole: Stencil, border: Border, value: float) -> Array:
@@ -59,14 +59,14 @@ def _set_nonfinite(made: Matrix, plane: Matrix, taps: Matrix, sides: tuple[int, 
 def _spectrum(plane: Matrix, sides: tuple[int, int]) -> Array:
     """Along the rows that are there, and then down, zeros below them. Every line is transformed by itself, so that the
     number of processors changes no bit."""
-    rows = fft.rfft(plane, sides[1], axis=1, workers=processors())
-    return np.asarray(fft.fft(rows, sides[0], axis=0, overwrite_x=True, workers=processors()))
+    rows = fft.rfft(plane, sides[1], axis=1, workers=threads())
+    return np.asarray(fft.fft(rows, sides[0], axis=0, overwrite_x=True, workers=threads()))
 
 
 def _samples(spectrum: Array, sides: tuple[int, int], shape: tuple[int, ...]) -> Matrix:
     """The first rows and columns, so many."""
-    rows = fft.ifft(spectrum, sides[0], axis=0, overwrite_x=True, workers=processors())[: shape[0]]
-    return np.asarray(fft.irfft(rows, sides[1], axis=1, workers=processors())[:, : shape[1]])
+    rows = fft.ifft(spectrum, sides[0], axis=0, overwrite_x=True, workers=threads())[: shape[0]]
+    return np.asarray(fft.irfft(rows, sides[1], axis=1, workers=threads())[:, : shape[1]])
 
 
 def transform_sides(height: int, width: int, kernel: tuple[int, ...]) -> tuple[int, int]:
