@@ -135,7 +135,7 @@ __kernel void network(__global const float *restrict in, __global const int *res
         ahead += clamp(x - reach, 0, max(width - stride, 0));
         const float *p = stage + (j - first) * stride;
         for (int i = 0; i < stride; i += 16) {
-            FETCH(ahead + i);
+            stream_ask(ahead + i);
             float16 column[SIZE];
             #pragma unroll
             for (int k = 0; k < SIZE; k++)

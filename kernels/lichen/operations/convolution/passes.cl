@@ -30,7 +30,7 @@ STAGED_FN void along(const float *line, float *to, __global const float *ahead, 
         float16 s0 = (float16)(0.0f), s1 = s0, s2 = s0, s3 = s0;
         #pragma unroll
         for (int k = 0; k < SEGMENT; k += 16)
-            FETCH(ahead + i + k);
+            stream_ask(ahead + i + k);
         for (int t = 0; t < count; t++, p += channels) {
             float16 w = (float16)(weights[t]);
             s0 = fma(w, vload16(0, p), s0);

@@ -56,8 +56,8 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
         for (int k = 0; k < wide; k += LANES) {
             #pragma unroll
             for (int i = 0; i < BLOCK; i++) {
-                FETCH(ahead[i] + k);
-                FETCH(ahead[i] + k + 16);
+                stream_ask(ahead[i] + k);
+                stream_ask(ahead[i] + k + 16);
             }
             Strip sums[BLOCK];
             #pragma unroll

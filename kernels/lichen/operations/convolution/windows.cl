@@ -44,8 +44,8 @@ STAGED_FN void along_few(const float *line, float *to, __global const float *ahe
                          float after, const int n)
 {
     for (int i = 0; i < tile; i += 32) {
-        FETCH(ahead + i);
-        FETCH(ahead + i + 16);
+        stream_ask(ahead + i);
+        stream_ask(ahead + i + 16);
         float16 a = SAMPLE(vload16(0, line + i)), b = SAMPLE(vload16(1, line + i));
         #pragma unroll
         for (int t = 1; t < n; t++) {
@@ -63,7 +63,7 @@ STAGED_FN void along_many(float *line, float *to, __global const float *ahead, i
 {
     int covered = 0;
     for (int i = 0; i < stride; i += 16) {
-        FETCH(ahead + min(i, tile - 16));
+        stream_ask(ahead + min(i, tile - 16));
         vstore16(SAMPLE(vload16(0, line + i)), 0, line + i);
     }
     for (int length = 1;; length *= 2) {
