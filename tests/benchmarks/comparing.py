@@ -85,8 +85,6 @@ class Row:
     error_side: int = 192
     flops: float = 0.0
     """of each sample of the result, where they may be what bounds it"""
-    why: str = ""
-    """what bounds it, where a peer is faster"""
 
     def values(self, side: int) -> dict[str, Any]:
         """The parameters at this size."""
@@ -129,7 +127,6 @@ def measured(row: Row, copies: Copies, able: Limits, device: str | None = None) 
         "least_ms": least * 1e3,
         "fraction": least / figures["lichen"].median,
         "kernels_ms": kernel_seconds(ours) * 1e3,
-        "why": row.why,
         "peers": [
             (figures[peer.name].to_json() if peer.name in figures else {"failed": failed[peer.name]})
             | {"name": peer.name, "alone": peer.alone, "yardstick": peer.yardstick, "error": theirs.get(peer.name)}

@@ -13,6 +13,7 @@ from typing import Any
 
 import plots
 from bench import PARTS
+from reasons import REASONS
 
 from lichen.calibration.drawing import Drawing, to_svg
 from lichen.calibration.report import scientific
@@ -141,7 +142,7 @@ def _behind(runs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         ]
         if ratios:
             kernels = f"kernels are {row['kernels_ms']:.3g} of {_ms(row['ours'])} ms"
-            found[work] = f"- **{work}**: {', '.join(ratios)}; {kernels}. {row['why'] or 'Not looked into.'}"
+            found[work] = f"- **{work}**: {', '.join(ratios)}; {kernels}. {REASONS.get(work, 'Not looked into.')}"
     if found:
         yield "## Where a peer is faster, and why\n"
         yield from found.values()

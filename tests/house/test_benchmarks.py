@@ -39,6 +39,11 @@ def test_every_part_is_told_of_and_says_what_it_measures(suite: ModuleType, root
         assert hasattr(part, "ROWS") or callable(part.sections), name
 
 
+def test_reasons_are_of_rows_that_there_are(suite: ModuleType) -> None:
+    known = {row.work for name in COMPARED for row in importlib.import_module(f"parts.{name}").ROWS}
+    assert importlib.import_module("reasons").REASONS.keys() <= known
+
+
 @pytest.mark.parametrize("name", COMPARED)
 def test_rows_name_known_operations_and_keep_their_errors(suite: ModuleType, name: str) -> None:
     comparing = importlib.import_module("comparing")

@@ -151,10 +151,17 @@ def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
     u, background = left + np.arange(width) + 0.5, 0
     for first in range(0, height, ROWS):
         v = top + np.arange(first, min(first + ROWS, height))[:, np.newaxis] + 0.5
-        if lens.p == (0, 0):  # a radius tells, without the search for its place
-            shown = lens.answers(np.hypot(*map_.counted(u, v)), distorts=p.direction is Direction.UNDISTORT)
+        if lens.p == (0, 0):  # a radius tells, without the search for its place; and the ends of rows have the largest
+            if _answer(lens, map_.counted(u[[0, -1]], v), p).all():
+                continue
+            shown = _answer(lens, map_.counted(u, v), p)
         else:
             shown = np.isfinite(map_.at(u, v)[0])
         background += int(np.count_nonzero(~shown))
     found = {"background": background, "end_of_lens": lens.radial.end}
     return found if place is None else {**found, "part": list(place.result)}
+
+
+def _answer(lens: Lens, places: tuple[Doubles, Doubles], p: Parameters) -> Doubles:
+    """Whether these places of the result, counted in focal lengths, have one in the source."""
+    return lens.answers(np.hypot(*places), distorts=p.direction is Direction.UNDISTORT)
