@@ -17,12 +17,20 @@ from weakref import WeakValueDictionary
 from lichen.memory import Array
 
 
+class _Making:
+    """A step that is being done. Those who wait for it hold this, and so what was made until they have it."""
+
+    def __init__(self) -> None:
+        self.done = threading.Event()
+        self.made: Array | None = None
+
+
 class Sharing:
     """What is being done and what is in use, in this process. Safe to use from any thread."""
 
     def __init__(self) -> None:
         self._in_use: WeakValueDictionary[str, Array] = WeakValueDictionary()
-        self._making: dict[str, threading.Event] = {}
+        self._making: dict[str, _Making] = {}
         self._lock = threading.Lock()
 
     def of(self, step: str, compute: Callable[[], Array]) -> Array:
@@ -35,21 +43,23 @@ class Sharing:
                     return found
                 making = self._making.get(step)
                 if making is None:
-                    mine = self._making[step] = threading.Event()
+                    mine = self._making[step] = _Making()
                     break
                 if waited:  # somebody else was quicker to begin once more
                     return compute()
-            making.wait()
+            making.done.wait()
+            if making.made is not None:  # even if nobody else has it in use any more
+                return making.made
             waited = True
         try:
-            made = compute()
+            mine.made = compute()
             with self._lock:
-                self._in_use[step] = made
-            return made
+                self._in_use[step] = mine.made
+            return mine.made
         finally:
             with self._lock:
                 del self._making[step]
-            mine.set()
+            mine.done.set()
 
 
 @dataclass(frozen=True, slots=True)

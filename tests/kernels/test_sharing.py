@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -78,6 +79,28 @@ def test_steps_are_the_same_where_all_is_that_decides_their_pixels(text: str, sa
     assert (found[other.graph.output] == step) is same
     assert step not in plan.identities({"input.image": "b"}).values()
     assert plan.identities({}) == {}
+
+
+def test_who_waits_gets_what_is_made_even_if_nobody_else_keeps_it() -> None:
+    sharing, begun, go, made = Sharing(), threading.Event(), threading.Event(), []
+
+    def compute() -> Array:
+        made.append(threading.get_ident())
+        begun.set()
+        assert go.wait(TOGETHER)
+        return np.zeros(3)
+
+    def used_and_dropped() -> int:
+        return sharing.of("step", compute).size
+
+    with ThreadPoolExecutor(3) as pool:
+        first = pool.submit(used_and_dropped)
+        assert begun.wait(TOGETHER)
+        others = [pool.submit(used_and_dropped) for _ in range(2)]
+        time.sleep(0.5)  # they have begun to wait by then
+        go.set()
+        assert [each.result() for each in (first, *others)] == [3, 3, 3]
+    assert len(made) == 1
 
 
 def test_nothing_is_kept_that_nobody_uses() -> None:
