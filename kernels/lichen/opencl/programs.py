@@ -38,8 +38,9 @@ ROOTS = (_HERE.parent / "operations", _HERE)
 """Where sources are looked for, in this order."""
 INCLUDE = _HERE / "include"
 OPTIONS = ("-cl-std=CL1.2",)
-QUICK = (*OPTIONS, "-D_OPENCL_H_")
-"""Without PoCL's header of the whole language, which takes a third of a second to read; other runtimes have none."""
+QUICK = (*OPTIONS, "-D_OPENCL_H_", "-w")
+"""Without PoCL's header of the whole language, which takes a third of a second to read, and without the count of its
+warnings on the standard error; other runtimes have neither."""
 ROUNDED = ("-cl-fp32-correctly-rounded-divide-sqrt",)
 """What graphics processors must be asked for; PoCL's processors divide and take roots no other way."""
 LANGUAGE = INCLUDE / "language.clh"
