@@ -122,11 +122,14 @@ def test_devices_whose_items_step_together(device: Device, apart: bool) -> None:
     assert widened((1, 16), 32) == (2, 16)
     out = aligned_empty((5, 67), np.int32)
     with wide.session() as session:
-        between = session.scratch((5, 67), np.int32)
-        size = np.int32(67), np.int32(5)
-        session.launch(SOURCE, "place", (67, 5), session.write(between), *size, local=(1, 1))
-        session.launch(SOURCE, "place", (67, 5), session.write(out), *size, local=(1, 1))
+        session.launch(SOURCE, "place", (67, 5), session.write(out), np.int32(67), np.int32(5), local=(1, 1))
     assert np.array_equal(out, 1000 * np.arange(5)[:, np.newaxis] + np.arange(67))
+    given, twice = ramp(500), aligned_empty((500,))
+    with wide.session() as session:
+        between = session.scratch((500,))
+        scale(session, given, between)
+        scale(session, between, twice)
+    assert np.array_equal(twice, 4 * given)
 
 
 def test_null_pointers(device: Device) -> None:
