@@ -105,6 +105,8 @@ def each() -> pytest.MarkDecorator:
 def test_methods_keep_the_error_they_state(operation: Operation[Any], content: str) -> None:
     broken, tried = [], 0
     for number, example in enumerate(operation.examples):
+        if content != "noise" and (number + CONTENTS.index(content)) % 2 and len(operation.examples) > 1:
+            continue  # its turn comes with the next content
         size = SHAPES[number % len(SHAPES)] if number >= 2 else SHAPES[-1 - number]
         parameters = operation.validate(sized(operation, example, size))
         inputs = images(operation, content, size, number)

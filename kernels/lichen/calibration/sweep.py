@@ -106,11 +106,14 @@ Key = tuple[str, float | None, str]
 
 
 def ends(operation: Operation[Any]) -> Iterator[Setting]:
-    """All methods at the first and the last declared value of their knobs."""
+    """All methods at the last declared value of their knobs, and one of them at its first."""
+    coarse = True
     for method in operation.methods.values():
         values = method.knob.values if method.knob else (None,)
-        for knob in dict.fromkeys((values[0], values[-1])):
-            yield Setting(method, knob)
+        if coarse and len(values) > 1:
+            yield Setting(method, values[0])
+            coarse = False
+        yield Setting(method, values[-1])
 
 
 def errors(

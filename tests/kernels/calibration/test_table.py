@@ -1,6 +1,6 @@
 """The error table says what is: a part of it is computed again, and every figure keeps what the methods state.
 
-Of every operation that is one example, at the ends of all knobs and in all stores."""
+Of every operation that is one example, by every method at its finest, by one at its coarsest, and in all stores."""
 
 from __future__ import annotations
 
