@@ -63,15 +63,16 @@ def _seconds(graph: Graph) -> float:
 
 
 def effect(graph: Graph, facts: Mapping[str, Facts], name: str, change: float) -> float:
-    """The largest change of any output when the value called `name` changes by at most `change`."""
+    """The largest change of any output when the value called `name` changes by at most `change`. Of an operation that
+    reads it as data, the range of what it makes alone is known."""
     reached = {name: change}
     for node in graph.nodes[graph.place(name) + 1 :]:
-        arriving = 0.0
-        for source in node.inputs.values():
-            if source in reached:
-                arriving = max(arriving, reached[source])
-        if arriving:
-            reached[node.name] = node.carried(facts, arriving)
+        arriving = [reached.get(source, 0.0) for source in node.inputs.values()]
+        worst = max(arriving, default=0.0)
+        if worst:
+            about = node.about(facts)
+            as_data = any(arriving[number] for number in about.data)
+            reached[node.name] = facts[node.name].extent.spread if as_data else about.carried(worst)
     return max(reached.get(output.source, 0.0) for output in graph.outputs.values())
 
 
