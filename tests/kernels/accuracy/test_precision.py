@@ -166,6 +166,12 @@ def test_doubles_are_the_definition_itself() -> None:
         assert caught.value.flaws[0].pointer == "/precision"
 
 
+def test_what_is_not_finite_is_a_value_to_doubles_and_warns_nobody() -> None:
+    endless = np.full((2, 2, 3), np.inf, np.float32)
+    made = lichen.run("hue_rotate", endless, angle=30, precision="float64", device="numpy")
+    assert not np.isfinite(made.image.pixels).any()
+
+
 def test_a_stored_field_leaves_nothing_but_the_texture_s_range_to_promise() -> None:
     field = np.random.default_rng(1).random((20, 20, 2), dtype=np.float32)
     texture = np.random.default_rng(2).random((20, 20, 1), dtype=np.float32)
