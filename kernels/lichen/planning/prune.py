@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from functools import partial
 
-from lichen.catalogue import operation
-from lichen.image import Space
-from lichen.operation import Facts, Light
-from lichen.planning.graph import Decision, Graph, Moved, Node, Request, inputs_of, rewired
+from lichen.image import Alpha, Space
+from lichen.operation import Facts
+from lichen.planning.conversions import Conversions
+from lichen.planning.graph import Decision, Graph, Moved, Node, Request, rewired
 
 
 def unread(graph: Graph, request: Request) -> Graph:
@@ -57,15 +57,18 @@ def _same(node: Node) -> object:
 
 
 def identity(graph: Graph, request: Request) -> Graph:
-    """Drop operations that change nothing, by their own declaration, and pairs that undo each other."""
+    """Drop operations that change nothing, by their own declaration, and pairs that undo each other. What they read is
+    then in the light and has the alpha in which it reaches them."""
     facts = graph.facts()
+    plain = all(each.space is not Space.SRGB and each.alpha is Alpha.NONE for each in facts.values())
+    conversions = None if plain else Conversions(graph)
     moved: dict[str, Moved] = {}
     observers = []
     decisions = []
     for node in graph.nodes:
-        reason = node.about(facts).identity
-        if reason is not None and any(facts[source].space is Space.SRGB for source in node.inputs.values()):
-            reason = node.operation.identity(node.parameters, _in_its_light(node, facts))
+        known = facts if conversions is None else conversions.facts
+        running = node if conversions is None else conversions.add(node)
+        reason = running.about(known).identity
         if reason is None:
             continue
         source = node.first
@@ -78,20 +81,6 @@ def identity(graph: Graph, request: Request) -> Graph:
             observers.append(node)
     graph = graph.replace(observers=(*graph.observers, *observers)).reading(moved).deciding(decisions)
     return cancelled(graph, request, "identity")
-
-
-def _in_its_light(node: Node, facts: Mapping[str, Facts]) -> dict[str, Facts]:
-    """What a node will read once pictures are in its light, whose range is another."""
-    known = inputs_of(node, facts)
-    if node.operation.light is not Light.LINEAR or node.operation.as_stored(node.parameters):
-        return known
-    transfer = operation("transfer")
-    decode = transfer.validate({"direction": "decode"})
-    pictures = {each.name for each in node.operation.inputs if each.picture}
-    return {
-        key: transfer.result(decode, {"image": each}) if key in pictures and each.space is Space.SRGB else each
-        for key, each in known.items()
-    }
 
 
 def cancelled(graph: Graph, request: Request, cause: str, among: Iterable[str] | None = None) -> Graph:

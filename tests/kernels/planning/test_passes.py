@@ -207,6 +207,14 @@ def test_conversions_go_with_what_they_were_for() -> None:
     assert dropped(plan, "light") == ["in.transfer", "a.transfer"]
 
 
+def test_what_changes_nothing_is_asked_of_pictures_as_they_reach_it() -> None:
+    facts = dataclasses.replace(PICTURE, channels=4, alpha=Alpha.STRAIGHT)
+    nodes = node("a", "composite", "in", "in", blend="multiply"), node("b", "premultiply", "a")
+    plan = make_plan(graph(*nodes, facts=facts), Request())
+    assert dropped(plan, "identity") == [], "what is composed with associated alpha comes back straight"
+    assert plan.graph.facts()[plan.graph.output].alpha is Alpha.ASSOCIATED
+
+
 def test_neither_nan_nor_a_time_asked_for_lets_work_go() -> None:
     blur = node("a", "gaussian", "in", sigma=0.2)
     spoilt = dataclasses.replace(PICTURE, extent=Extent(0.0, 1.0, 3))
