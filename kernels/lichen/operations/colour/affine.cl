@@ -1,7 +1,8 @@
 // Every pixel's first SIZE channels times a matrix of SIZE rows of 5: four factors, then what is added.
 //
 // A factor of zero takes no part, so a NaN reaches only the results that depend on it. FOLLOWS is the channel that what
-// is added is multiplied by (coverage, where colour is associated with it), or -1.
+// is added is multiplied by (coverage, where colour is associated with it), or -1. DENSE is 1 where no factor is zero, ADDED 0 where
+// nothing is added to any row.
 
 #include "planes.clh"
 #define OWN(name) name

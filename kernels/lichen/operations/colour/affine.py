@@ -97,7 +97,7 @@ def launch(device: Device, image: Image, affine: Affine) -> Array:
     pixels = image.height * image.width
     defines: dict[str, int | float | str] = {
         "IN": image.channels, "OUT": image.channels, "READ": affine.size, "MADE": affine.size, "SIZE": affine.size,
-        "FOLLOWS": follows(affine, image.alpha, image.channels),
+        "FOLLOWS": follows(affine, image.alpha, image.channels), **_pattern(numbers),
     }  # fmt: skip
     with device.session() as session:
         session.sweep(
@@ -118,8 +118,15 @@ def _numbers(affine: Affine) -> Array:
 
 def stage(affine: Affine, facts: Facts) -> Stage:
     """The map as a step of a generated kernel."""
-    defines = {"SIZE": affine.size, "FOLLOWS": follows(affine, facts.alpha, facts.channels)}
-    return Stage("colour/affine_stage.clh", defines, tuple(map(float, _numbers(affine).reshape(-1))))
+    numbers = _numbers(affine)
+    weight = follows(affine, facts.alpha, facts.channels)
+    defines = {"SIZE": affine.size, "FOLLOWS": weight, **_pattern(numbers)}
+    return Stage("colour/affine_stage.clh", defines, tuple(map(float, numbers.reshape(-1))))
+
+
+def _pattern(numbers: Array) -> dict[str, int]:
+    """What affine.cl is told of zeros, so that its loop does not ask for them."""
+    return {"DENSE": int(numbers[:, : len(numbers)].all()), "ADDED": int(numbers[:, 4].any())}
 
 
 def error(affine: Affine, facts: Facts) -> Error:

@@ -5,6 +5,7 @@
 //   PATH    the steps as calls, each with the place of its numbers in k and with how many planes there are
 
 #include "numeric.clh"
+#include "pq.clh"
 #include "planes.clh"
 
 #define STEP static inline __attribute__((always_inline))
@@ -47,9 +48,6 @@ STEP float16 bt2020_signal(float16 a)
     return a < 0.018053968510807f ? a * 4.5f : y;
 }
 
-#define PQ_Q 0.1640625f
-#define PQ_C3 18.6875f
-#define PQ_LIMIT 1.9920601f
 #define PQ_CEILING 1.8396068f
 
 // Signal to light, 1 at 203 cd/m2: w = expm1(ln N / m2), light ((q + w) / (q - c3 w))^(1/m1). See transfer's curves.py.
@@ -70,17 +68,8 @@ STEP float16 pq_light(float16 a)
     return a < INFINITY ? y : a;
 }
 
-// Light to signal: p = Y^m1, log2 N = (2 m2 / ln 2) atanh(s).
-STEP float16 pq_signal(float16 a)
-{
-    float16 p = num_pow_fast(a, (float16)(0.1593017578125f)) * 0.537503311f;  // (203 / 10000)^m1
-    float16 s = PQ_Q * (p - 1.0f) / fma(p, (float16)(2.0f * PQ_C3 + PQ_Q), (float16)(2.0f - PQ_Q));
-    float16 z = s * s;
-    float16 q = fma(z, (float16)(1.0f / 7.0f), (float16)(0.2f));
-    q = fma(z, q, (float16)(1.0f / 3.0f));
-    float16 y = num_exp2(fma(s * z, q, s) * 227.494974f);
-    return a == INFINITY ? (float16)(PQ_LIMIT) : y;
-}
+// Light to signal; 203 cd/m2 are log2((203 / 10000)^m1).
+STEP float16 pq_signal(float16 a) { return pq_of_light(a, -0.89565445f); }
 
 // The cube root of x >= 0 without a division, as the powers of displays: x y^2 (1 - r)^(-2/3) with y near x^(-1/3).
 // Denormals count as 0. [2^-120, 2^120]: 1.13 ULP, mean 0.29.

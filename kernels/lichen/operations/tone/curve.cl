@@ -1,6 +1,7 @@
 // A curve through points over a flat run of samples. pieces.py holds the theory.
 //
-// Definitions: COVERAGE (flat.clh), EXTENDED 0 or 1, PICKED -1 or the one colour channel meant, CHANNELS of a sample.
+// Definitions: COVERAGE (flat.clh), EXTENDED 0 or 1, PICKED -1 or the one colour channel meant, CHANNELS of a sample,
+// FEW 4 or 8 where there are at most as many pieces (those that are missing begin beyond all samples), or 0.
 // `ends` holds the first and last knot, the slopes beyond them, and the number of cells over the knots' distance.
 
 #include "flat.clh"
@@ -28,7 +29,11 @@ kernel void exact(global const float *restrict in, global float *restrict out, g
         return;
     float16 x = flat_load(in, at, samples);
     float16 held = num_clamp(x, (float16)(ends[0]), (float16)(ends[1]));
-    float16 y = pieced(held, pieces, count);
+#if FEW
+    float16 y = pieced(held, pieces, FEW, FEW);
+#else
+    float16 y = pieced(held, pieces, count, count);
+#endif
     flat_store(finished(y, x, held, ends, at), out, at, samples);
 }
 

@@ -50,6 +50,8 @@ if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
+FEW = (4, 8)
+"""Pieces of the kernels that keep a curve in registers."""
 CLOSEST = 1e-5
 """Points lie apart by this much of the largest |x| at least, so that float32 tells them apart."""
 
@@ -266,8 +268,24 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 
 @lru_cache(maxsize=64)
 def _rows(points: Points, straight: bool) -> Array:
+    """Knot and coefficients, a row for each."""
     shape = through(points, straight)
-    return aligned(np.column_stack([shape.knots[:-1], shape.coefficients]).astype(np.float32))
+    return np.vstack([shape.knots[:-1], shape.coefficients.T]).astype(np.float32)
+
+
+def _few(count: int) -> int:
+    """How many pieces a kernel is made for that takes so many, or 0 where it is made for any number."""
+    return next((few for few in FEW if count <= few), 0)
+
+
+@lru_cache(maxsize=64)
+def _columns(points: Points, straight: bool) -> Array:
+    """The rows, as long as the kernel takes them: pieces that nothing begins stand in for those that are missing."""
+    rows = _rows(points, straight)
+    made = np.zeros((len(rows), _few(rows.shape[1]) or rows.shape[1]), np.float32)
+    made[0] = FLOAT_MAX
+    made[:, : rows.shape[1]] = rows
+    return aligned(made)
 
 
 def _ends(p: Parameters, cells: int) -> Array:
@@ -278,14 +296,16 @@ def _ends(p: Parameters, cells: int) -> Array:
 
 def _defines(p: Parameters, image: Image) -> dict[str, int]:
     picked = -1 if p.channel is None else p.channel
-    return {"EXTENDED": int(p.beyond is Beyond.EXTEND), "PICKED": picked, "CHANNELS": image.channels}
+    few = _few(len(p.points) - 1)
+    return {"EXTENDED": int(p.beyond is Beyond.EXTEND), "PICKED": picked, "CHANNELS": image.channels, "FEW": few}
 
 
 def _stage(p: Parameters) -> Stage:
     """The pieces as a step of a generated kernel."""
-    rows, picked = _rows(p.points, p.straight), -1 if p.channel is None else p.channel
-    numbers = tuple(map(float, [*_ends(p, 1), *rows.reshape(-1)]))
-    defines = {"EXTENDED": int(p.beyond is Beyond.EXTEND), "PICKED": picked, "COUNT": len(rows)}
+    columns, picked = _columns(p.points, p.straight), -1 if p.channel is None else p.channel
+    numbers = tuple(map(float, [*_ends(p, 1), *columns.reshape(-1)]))
+    shape = {"COUNT": len(p.points) - 1, "APART": columns.shape[1]}
+    defines = {"EXTENDED": int(p.beyond is Beyond.EXTEND), "PICKED": picked, **shape}
     return Stage("tone/curve_stage.clh", defines, numbers)
 
 
@@ -301,8 +321,8 @@ class Exact:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        image, rows = inputs["image"], _rows(p.points, p.straight)
-        arguments = (_ends(p, 1), rows, np.int32(len(rows)))
+        image, columns = inputs["image"], _columns(p.points, p.straight)
+        arguments = (_ends(p, 1), columns, np.int32(columns.shape[1]))
         return launch_flat(device, "tone/curve.cl", "exact", image, *arguments, defines=_defines(p, image))
 
     @staticmethod
@@ -310,7 +330,7 @@ class Exact:
         low, high = (np.float32(p.points[end][0]) for end in (0, -1))
         rows = _rows(p.points, p.straight)
         shape = pieces(p)
-        narrow = Pieces(np.append(rows[:, 0], high), rows[:, 1:], shape.last)
+        narrow = Pieces(np.append(rows[0], high), rows[1:].T, shape.last)
 
         def body(x: Array) -> Array:
             held = np.clip(x, low, high)

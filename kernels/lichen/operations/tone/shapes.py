@@ -61,6 +61,8 @@ class Shape(Protocol):
 
 POWERS = {"power": 1.0, "exponential": 0.7, "logarithm": 0.7, "pq_encode": 2.0, "pq_decode": 2.2}
 """What a sample of each body costs, in powers."""
+PQ_FOOT = 1.2e-10
+"""How far the signal of light below 2^-126 lies from PQ's (pq.clh)."""
 ROUNDINGS = 3.0
 """Roundings of the worst sample: of the result itself, and of the argument, which the curve's steepness amplifies."""
 
@@ -106,7 +108,8 @@ class Whole:
         roundings = ROUNDINGS * (1 + form.steepness(max(far, form.knee)))
         if form.body == "power" and far > 0:
             roundings += 0.5 * abs(math.log(far))
-        return roundings * ROUNDING * max(size, abs(form.drop)) + 2 * ROUNDING * abs(form.offset)
+        denormal = PQ_FOOT if form.body == "pq_encode" else 0.0
+        return roundings * ROUNDING * max(size, abs(form.drop)) + 2 * ROUNDING * abs(form.offset) + denormal
 
     def opencl(self, device: Device, image: Image) -> Array:
         return launch(device, image, self.form, self.clamped, "exact")

@@ -27,7 +27,7 @@ def constants(shape: Form) -> Array:
     elif shape.body == "pq_decode":
         power = 1 / curves.PQ_M1
     elif shape.body == "pq_encode":
-        power, inner = curves.PQ_M1, inner**curves.PQ_M1
+        inner = curves.PQ_M1 * math.log2(inner)
     high = float(np.float32(power))
     numbers = (
         *(shape.shift, shape.offset, shape.toe_scale, float(ceiling32(shape.knee)), shape.floor),
@@ -53,11 +53,12 @@ def _body(shape: Form) -> str:
 
 
 def definitions(shape: Form, clamped: bool) -> dict[str, int | float | str]:
-    """What a curve's text is built with."""
+    """What a curve's text is built with. PQ's signal of no light is not 0, so its zero must have no sign."""
     return {
         "BODY": _body(shape),
         "TOE": shape.toe,
         "GAPPED": int(shape.floor > -math.inf),
+        "MOVED": int(shape.shift != 0 or shape.body == "pq_encode"),
         "SHIFTED": int(shape.offset != 0),
         "CLAMPED": int(clamped),
     }
