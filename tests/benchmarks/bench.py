@@ -35,6 +35,7 @@ PARTS = (
     "colours",
     "warps",
     "compositing",
+    "pointwise",
     "streamlines",
     "noises",
     "growth",

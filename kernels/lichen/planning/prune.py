@@ -34,18 +34,27 @@ def unread(graph: Graph, request: Request) -> Graph:
 
 
 def shared(graph: Graph, request: Request) -> Graph:
-    """Let nodes that do the same to the same inputs be one."""
+    """Let nodes that do the same to the same inputs be one. Parameters are compared where the rest is the same."""
     facts: dict[str, Facts] | None = None
     moved: dict[str, Moved] = {}
-    first: dict[object, str] = {}
+    first: dict[object, Node] = {}
+    beside: dict[object, dict[object, str]] = {}
     decisions = []
     for node in graph.nodes:
-        same = _same(rewired(node, moved))
-        if node.operation.finds or first.setdefault(same, node.name) == node.name:
+        if node.operation.finds:
+            continue
+        now = rewired(node, moved)
+        where = now.operation.name, *now.inputs.values()
+        if first.setdefault(where, now) is now:
+            continue
+        others = beside.setdefault(where, {})
+        others.setdefault(_same(first[where]), first[where].name)
+        twin = others.setdefault(_same(now), now.name)
+        if twin == now.name:
             continue
         facts = facts or graph.facts()
-        moved[node.name] = Moved(first[same])
-        reason, saved = f"{first[same]} computes the same", partial(cost, node, facts, request)
+        moved[node.name] = Moved(twin)
+        reason, saved = f"{twin} computes the same", partial(cost, node, facts, request)
         decisions.append(Decision("shared", node.name, "dropped", reason, saved=saved))
     return graph.reading(moved).deciding(decisions)
 

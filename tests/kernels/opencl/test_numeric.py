@@ -168,7 +168,10 @@ def test_fast_pow(device: Device, y: float) -> None:
     hold(device, "num_pow_fast", (x, power), quietly(np.power, x, power), 1.0 + y)
 
 
-@pytest.mark.parametrize(("function", "y", "stated"), [("num_pow_12_5", 12 / 5, 2.6), ("num_pow_5_12", 5 / 12, 2.1)])
+@pytest.mark.parametrize(
+    ("function", "y", "stated"),
+    [("num_pow_12_5", 12 / 5, 2.6), ("num_pow_11_5", 11 / 5, 2.6), ("num_pow_5_12", 5 / 12, 2.1)],
+)
 def test_powers_of_displays(device: Device, function: str, y: float, stated: float) -> None:
     random = np.random.default_rng(5)
     x = np.concatenate([np.abs(any_float(random, COUNT // 2)), random.uniform(0, 2, COUNT // 2), SPECIAL[SPECIAL >= 0]])

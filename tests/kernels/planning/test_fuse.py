@@ -15,8 +15,11 @@ from lichen.image import Alpha, Image, Space
 from lichen.opencl import programs
 from lichen.opencl.device import default_device
 from lichen.operation import Error, Facts, Method, Operation, no_stage
+from lichen.planning import fuse
+from lichen.planning.error import reaching_with
 from lichen.planning.fuse import LONGEST, stage_of
 from lichen.planning.graph import Candidate, Graph, Node
+from lichen.planning.plan import Plan
 from lichen.planning.predict import Told
 
 OPERATIONS = dict(lichen.operations())
@@ -151,8 +154,35 @@ def test_generated_texts_are_bounded_and_named_by_what_they_say(monkeypatch: pyt
         programs.compose('#include "nothing.clh"\n')
 
 
-def test_a_method_that_can_be_fused_takes_the_place_of_one_that_cannot() -> None:
-    image = Image(np.random.default_rng(1).random((64, 64, 3), dtype=np.float32))
-    plan = lichen.explain_pipeline(CHAIN, image, device="opencl", max_error=1e-3)
+PEAKS = "|".join(["transfer:curve=pq,direction=decode|levels:white=50"] * 3)
+"""Decoding PQ is quickest by a table, which is no stage."""
+
+
+def linked(monkeypatch: pytest.MonkeyPatch, steps: int, max_error: float) -> tuple[Plan, list[str]]:
+    """The plan of these where so many steps may be carried anew, and the nodes that another method was tried for."""
+    seen: list[str] = []
+
+    def reaching(*given: Any) -> Any:
+        seen.append(given[4])
+        return reaching_with(*given)
+
+    monkeypatch.setattr(fuse, "reaching_with", reaching)
+    monkeypatch.setattr(fuse, "TRIED", steps)
+    image = Image(np.random.default_rng(1).random((64, 64, 3), dtype=np.float32), Space.DATA)
+    return lichen.explain_pipeline(PEAKS, image, device="opencl", max_error=max_error), seen
+
+
+def test_a_method_that_can_be_fused_takes_the_place_of_one_that_cannot(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, seen = linked(monkeypatch, 1 << 16, 0.01)
     assert plan.graph.fused == (tuple(node.name for node in plan.nodes),)
-    assert plan.error.value <= 1e-3
+    assert seen == ["transfer", "transfer2", "transfer3"]
+    assert plan.error.value <= 0.01
+
+
+@pytest.mark.parametrize("links", [1, 2])
+def test_the_search_for_links_is_bounded(monkeypatch: pytest.MonkeyPatch, links: int) -> None:
+    plan, seen = linked(monkeypatch, 6 * links, 0.02 * links)
+    assert len(seen) == links
+    assert [node.choice.method for node in plan.nodes if node.choice].count("table") == 3 - links
+    assert [len(chain) for chain in plan.graph.fused] == [2 * links]
+    assert plan.error.value <= 0.02

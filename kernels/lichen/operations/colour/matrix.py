@@ -13,6 +13,7 @@ Source: T. McReynolds et al., Programming with OpenGL: advanced rendering, SIGGR
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -53,9 +54,13 @@ class Parameters(OperationParameters):
 
     @property
     def affine(self) -> Affine:
-        size = len(self.matrix)
-        added = [row[size] if len(row) > size else 0.0 for row in self.matrix]
-        return Affine.of([row[:size] for row in self.matrix], added)
+        return _affine(self.matrix)
+
+
+@lru_cache(maxsize=1024)
+def _affine(rows: tuple[tuple[float, ...], ...]) -> Affine:
+    size = len(rows)
+    return Affine.of([row[:size] for row in rows], [row[size] if len(row) > size else 0.0 for row in rows])
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:

@@ -12,6 +12,7 @@ Source: P. Haeberli, Matrix operations for image processing, 1993; ITU-R BT.709-
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -40,8 +41,12 @@ class Parameters(OperationParameters):
 
     @property
     def affine(self) -> Affine:
-        shares = np.broadcast_to(luminance(), (3, 3))
-        return Affine.of((1 - self.amount) * shares + self.amount * np.eye(3))
+        return _affine(self.amount)
+
+
+@lru_cache(maxsize=1024)
+def _affine(amount: float) -> Affine:
+    return Affine.of((1 - amount) * np.broadcast_to(luminance(), (3, 3)) + amount * np.eye(3))
 
 
 def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:

@@ -1,6 +1,7 @@
 // Levels over a flat run of samples. levels.py holds the formulas and says why they are written so.
 //
-// Definitions: COVERAGE (flat.clh), CLAMPED 0 or 1, CURVED 1 where there is an exponent, CHANNELS of a sample.
+// Definitions: COVERAGE (flat.clh), CLAMPED 0 or 1, CURVED 1 where there is an exponent, 2 where all are from 1/4 to 4,
+// CHANNELS of a sample.
 // `k` holds five runs of CHANNELS + 16 numbers, one for each channel and over again, so that sixteen lanes read their
 // own wherever a vector begins: black, black's rest, scale, base, exponent. Clamped or curved, scale is that to [0, 1]
 // and a sixth run, the output's span, takes it from there.

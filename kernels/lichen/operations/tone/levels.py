@@ -103,8 +103,10 @@ def channels(p: Parameters, colours: int) -> list[Channel]:
     return [Channel(*values) for values in zip(*each, strict=True)]
 
 
-def _curved(p: Parameters) -> bool:
-    return p.gamma != 1 if isinstance(p.gamma, float) else any(g != 1 for g in p.gamma)
+def _curved(p: Parameters) -> int:
+    """1 where there is a power, 2 where a quick one serves (levels.cl)."""
+    each = p.gamma if isinstance(p.gamma, tuple) else (p.gamma,)
+    return 0 if all(g == 1 for g in each) else 2 if all(0.25 <= g <= 4 for g in each) else 1
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
@@ -194,12 +196,13 @@ def _channel_error(p: Parameters, channel: Channel, facts: Facts) -> float:
     """Roundings of t's relative error, at the far end; the power adds its own and what its exponent's rounding makes.
 
     t carries four roundings, relative to itself: both differences, the scale and the product. x^(1/g) magnifies them by
-    1/g and adds four; half a rounding of the exponent counts by |log t| / g, at most 1/e below t = 1.
+    1/g and adds four, and where it is the quick one two over g; half a rounding of the exponent counts by |log t| / g,
+    at most 1/e below t = 1.
     """
     far = max(map(abs, _shares(p, channel, facts)))
     span = abs(channel.high - channel.low)
     if _curved(p):
-        relative = 5 + (4 + 0.5 * max(math.log(far), 0.0) if far > 0 else 4) / channel.gamma
+        relative = 5 + (6 + 0.5 * max(math.log(far), 0.0) if far > 0 else 6) / channel.gamma
         size, least = _power(far, channel.gamma), 1 / math.e
     else:
         relative, size, least = 6.0, far, 0.0
@@ -359,7 +362,7 @@ def _numbers(p: Parameters, colours: int) -> Array:
     rates={"opencl": Rate(2e-4, 2.4e-10), "numpy": Rate(1e-4, 2.2e-9)},
     stage=lambda p, facts: Stage(
         "tone/levels_stage.clh",
-        {"CLAMPED": int(p.clamp), "CURVED": int(_curved(p))},
+        {"CLAMPED": int(p.clamp), "CURVED": _curved(p)},
         tuple(map(float, np.ravel(_numbers(p, _colours(facts["image"]))))),
     ),
 )
@@ -372,7 +375,7 @@ class Exact:
         numbers = np.zeros((6, image.channels), np.float32)
         numbers[:, : image.colours] = _numbers(p, image.colours)
         runs = np.take(numbers, np.arange(image.channels + 16) % image.channels, axis=1)
-        defines = {"CLAMPED": int(p.clamp), "CURVED": int(_curved(p)), "CHANNELS": image.channels}
+        defines = {"CLAMPED": int(p.clamp), "CURVED": _curved(p), "CHANNELS": image.channels}
         return launch_flat(device, "tone/levels.cl", "levels", image, aligned(runs), defines=defines)
 
     @staticmethod

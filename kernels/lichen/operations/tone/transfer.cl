@@ -2,8 +2,8 @@
 // written so.
 //
 // Definitions given at build time:
-//   BODY      power | power_of_sum | sum_of_power | fifths_of_sum | sum_of_twelfths | pq_decode | pq_encode |
-//             exponential | logarithm, the curve above its knee
+//   BODY      power | power_of_sum | sum_of_power | fifths_of_sum | sum_of_twelfths | eleven_fifths |
+//             pq_decode | pq_encode | exponential | logarithm, the curve above its knee
 //   TOE       linear | root | square, the curve below it
 //   GAPPED    1 where the body is never below k[FLOOR], else 0
 //   MOVED     1 where k[SHIFT] is to be added first, which makes 0 of -0 too, else 0

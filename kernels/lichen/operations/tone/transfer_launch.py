@@ -48,7 +48,8 @@ def _body(shape: Form) -> str:
     if shape.exponent == 5 / 12 and (shape.inner, shape.lift) == (1, 0):
         return "sum_of_twelfths"
     if shape.knee <= 0:
-        return "power"
+        plain = (shape.exponent, shape.inner, shape.lift, shape.outer, shape.drop) == (11 / 5, 1, 0, 1, 0)
+        return "eleven_fifths" if plain else "power"
     return "power_of_sum" if shape.lift else "sum_of_power"
 
 
