@@ -1,4 +1,5 @@
-// A scalar through a palette, with contours; colour_map.py is the definition. Places are computed in doubles.
+// A scalar through a palette, with contours; colour_map.py is the definition. Places are computed in doubles, colours
+// that no line is drawn over in floats.
 //
 // WRAP: 0 clamp, 1 repeat, 2 mirror. BANDS 1: nearest entry. CONTOURS 1: lines are drawn. MADE channels of the palette;
 // where they are four or fewer, an entry takes four numbers and is one vector.
@@ -65,13 +66,16 @@ kernel void map(global const float *restrict in, global const float *restrict pa
     // Pixels of fewer channels are written as four, one over the end of the other, and go out as whole lines.
     float made[SEGMENT * MADE + 4];
     for (int i = 0; i < count; i++) {
+#if !CONTOURS
+        float4 here = vload4(cell[i], palette), next = vload4(after[i], palette);
+        vstore4(fma((float4)((float)part[i]), next - here, here), 0, made + i * MADE);
+#else
         double4 here = convert_double4(vload4(cell[i], palette)), next = convert_double4(vload4(after[i], palette));
         double4 colour = here + part[i] * (next - here);
-#if CONTOURS
         double4 drawn = (double4)(n[5], MADE > 1 ? n[6] : 0.0, MADE > 2 ? n[7] : 0.0, MADE > 3 ? n[8] : 0.0);
         colour = colour + covers[i] * (drawn - colour);
-#endif
         vstore4(convert_float4(colour), 0, made + i * MADE);
+#endif
     }
     if (count == SEGMENT)
         for (int i = 0; i < SEGMENT * MADE; i += 16)

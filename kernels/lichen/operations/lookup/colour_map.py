@@ -135,9 +135,9 @@ def _ends(p: Parameters, facts: InputFacts) -> tuple[float, float]:
 
 
 def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    """One rounding of what was computed in doubles."""
+    """Roundings of the colour and, times what two entries differ by, of its place between them and of that."""
     low, high = _ends(p, facts)
-    value = 1.01 * ROUNDING * max(abs(low), abs(high))
+    value = 1.01 * ROUNDING * (max(abs(low), abs(high)) + 2 * (high - low))
     return Error(value, "bound", value)
 
 
@@ -283,7 +283,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     rates={"opencl": Rate(3e-4, 8e-9), "numpy": Rate(2e-4, 1.6e-7)},
 )
 class Exact:
-    """Places and colours in doubles; on a device without double precision, on the host."""
+    """Places in doubles, and colours where lines are drawn over them; on a device without double precision, on the host."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
