@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from lichen.image import Alpha, Extent
-from lichen.memory import Array, aligned_empty
+from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import (
     POINTWISE,
@@ -125,17 +125,13 @@ class Exact:
         if not _changes(p, image.alpha):
             out[...] = image.pixels
             return out
-        kernel = "dissociate" if p.inverse else "associate"
+        pixels = aligned(image.pixels)
+        items = -(-pixels.size // 16) if image.channels == 4 else -(-image.height * image.width // 64)
         with device.session() as session:
             session.launch(
-                "compositing/premultiply.cl",
-                kernel,
-                (-(-image.height * image.width // 64),),
-                image.pixels,
-                session.write(out),
-                np.int32(image.channels),
-                np.int32(image.height * image.width),
-            )
+                "compositing/premultiply.cl", "dissociate" if p.inverse else "associate", (items,),
+                pixels, session.write(out), np.uint64(pixels.size), defines={"CHANNELS": image.channels},
+            )  # fmt: skip
         return out
 
     @staticmethod
