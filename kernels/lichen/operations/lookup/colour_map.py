@@ -283,7 +283,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     rates={"opencl": Rate(3e-4, 8e-9), "numpy": Rate(2e-4, 1.6e-7)},
 )
 class Exact:
-    """Places in doubles, and colours where lines are drawn over them; on a device without double precision, on the host."""
+    """Places in doubles, and colours under lines; on a device without double precision, on the host."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
