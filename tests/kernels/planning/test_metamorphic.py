@@ -51,6 +51,8 @@ DEAREST = 0.5
 JOINT = 3e-8
 """How far decoding and encoding move what lies where the line and the power of sRGB ought to meet: the numbers of the
 standard are rounded, and leave 2.94e-8 between them."""
+DOUBLES = 1e-14
+"""Of the largest value: how far a definition that moves nothing may move it, weights being doubles."""
 BUFFERED = 3e-8
 """Of the brightest value: how far apart scenes are that read other buffers of one geometry, distances in place of
 positions, say. Buffers are float32 by their definition."""
@@ -254,12 +256,13 @@ def test_plans_change_results_by_no_more_than_they_say() -> None:
 
 
 def slack(pruned: Plan, whole: Plan, output: str) -> float:
-    """How far an output moves because conversions of light that stood in pairs are gone: the step at the joint of each,
-    grown by what stands behind it."""
+    """How far an output moves because nodes are gone that do nothing: by the step at the joint of conversions of light
+    that stood in pairs and by rounding, grown by what stands behind them."""
     facts, kept = whole.graph.facts(), {node.name for node in pruned.nodes}
     moved = dict.fromkeys(whole.graph.sources, 0.0)
     for node in whole.graph.nodes:
-        own = JOINT if node.operation.name == "transfer" and node.name not in kept else 0.0
+        joint = JOINT if node.operation.name == "transfer" else 0.0
+        own = 0.0 if node.name in kept else joint + DOUBLES * facts[node.name].extent.magnitude
         arriving = max((moved[source] for source in node.inputs.values()), default=0.0)
         moved[node.name] = own + node.carried(facts, arriving)
     return moved[whole.graph.outputs[output].source]
