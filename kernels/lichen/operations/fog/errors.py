@@ -1,8 +1,8 @@
 """What fog may err by, and how much it changes at most.
 
 With e^-t t <= 1/e, a relative error r of the optical depth t changes what comes through by r / e at most. Of a distance
-found in float32 that is 5 roundings: the slant of a ray has 3, a depth 1, their product 1; of the distance of a point 4,
-two of the difference and two of its length.
+found in float32 that is 5 roundings: the slant of a ray has 3, a depth 1, their product 1; of a point
+distance 4, two of the difference and two of its length.
 
 Mean densities of layers err absolutely: x mean'(x) = density(x) - mean(x) is at most the largest density, so relative
 errors of x count by that, and so do those of a segment's ends. Times the longest path there is, that is an error of the
