@@ -92,7 +92,9 @@ PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector
 {
     float16 own = vector_dot(way, way), square = row[28] == 0.0f ? own : num_max(own, (float16)(row[28]));
     float16 apart = square + row[13], root = sqrt(apart), by = 1.0f / sqrt(own);
-    float16 falls = fma((float16)(row[16]), apart, (float16)(row[14]));
+    float16 falls = (float16)(row[14]);
+    if (row[16] != 0.0f) // so far away that a square is infinite, nothing times it is nothing
+        falls = fma((float16)(row[16]), apart, falls);
     if (row[15] != 0.0f)
         falls = fma((float16)(row[15]), root, falls);
     // Where nothing leaves the range of floats there is one division less, and no scaling; whatever lies beside it.
