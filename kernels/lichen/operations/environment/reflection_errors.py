@@ -8,7 +8,7 @@ from lichen.operations.environment.fresnel import schlick_error as error_of_schl
 from lichen.operations.environment.reflection_parameters import Fresnel, Mode, Parameters
 from lichen.operations.warp.charts import LAYOUT, Chart
 
-MOVED = 1e-7
+MOVED = 2e-7
 """Of a chart's side: what is seen moves by so much where mirrors are found in float32."""
 
 
