@@ -222,19 +222,18 @@ def _launched(
     pixels = normal.height * normal.width
     skipped = left_out(inputs, p.effect, 1, normal.height, normal.width)
     segments = -(-pixels // SEGMENT)
-    arguments = (
-        aligned(normal.pixels), given["position"], given["base"], *memories, out, aligned(numbers, np.float64),
-        _cells(p.chart), np.int32(normal.width), np.int32(normal.height), *sizes,
-        None if skipped is None else aligned(skipped, np.uint8), np.uint64(pixels),
-    )  # fmt: skip
     anew = {**defines, "REAL": "double", "SHORT": 0, "SINGLE": 2}
+    source = "environment/reflection.cl", "reflection"
     with device.session() as session:
-        doubtful = session.write(session.scratch((segments,), np.uint8)) if single else None
-        arguments = tuple(session.write(each) if each is out else each for each in arguments)
-        source = "environment/reflection.cl", "reflection"
-        session.launch(*source, (segments,), *arguments, doubtful, local=(1,), defines=defines)
+        arguments = (
+            aligned(normal.pixels), given["position"], given["base"], *memories, session.write(out),
+            aligned(numbers, np.float64), _cells(p.chart), np.int32(normal.width), np.int32(normal.height), *sizes,
+            None if skipped is None else aligned(skipped, np.uint8), np.uint64(pixels),
+            session.write(session.scratch((segments,), np.uint8)) if single else None,
+        )  # fmt: skip
+        session.launch(*source, (segments,), *arguments, local=(1,), defines=defines)
         if single:
-            session.launch(*source, (-(-segments // RUN),), *arguments, doubtful, local=(1,), defines=anew)
+            session.launch(*source, (-(-segments // RUN),), *arguments, local=(1,), defines=anew)
     return out
 
 

@@ -112,7 +112,7 @@ CASES = (
         "0 r^2 is not a number where r^2 has overflown, although that part of the falloff is none",
         lambda: {"normal": _row(*[(0, 0, 1)] * 3), "position": _row((0, 0, -1e17), (0, 0, -1e25), (0, 0, -3e38))},
         {
-            "lights": [{"kind": "point", "falloff": [2, 0, 0]}, {"kind": "point", "radius": 0}],
+            "lights": [{"kind": "point", "falloff": [2, 0, 0]}, {"kind": "point"}],
             "diffuse": [1, 1, 1],
             "highlight": [0, 0, 0],
         },
