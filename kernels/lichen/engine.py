@@ -290,6 +290,7 @@ def prepare_scene(
     from lichen.scene.description import read, refuse
     from lichen.scene.layers import spread
     from lichen.scene.lowering import lower
+    from lichen.scene.materials import applied
     from lichen.scene.tiling import allowed
 
     said = read(scene)
@@ -301,6 +302,7 @@ def prepare_scene(
         said, {name: as_image(each, pointer=f"/inputs/{name}") for name, each in (images or {}).items()}
     )
     refuse(said)
+    said, sent = applied(said, sent)
     lowered = lower(said, prune=bool(wishes.get("prune", True)), faint=allowed(wishes), images=sent)
     given = {name: image for name, image in sent.items() if name in lowered.pipeline.inputs}
     try:

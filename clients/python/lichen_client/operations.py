@@ -3054,7 +3054,7 @@ class Operations(Generic[R]):
         roll: how far it is tilted clockwise; at least -100000, at most 100000; deg; default 0.0
         effect: the channel of `tiles` that is about the environment; at least 0, at most 4095; default 0
         faint: what `tiles` leave out of a pixel's light at most; at least 0, at most 1000000; default 0.0
-        method: exact, schlick, nearest
+        method: exact, single, schlick, nearest
         """
         return self.run(
             "reflection",

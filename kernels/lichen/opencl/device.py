@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 _log = logging.getLogger("lichen")
+POCL = "Portable Computing Language"
 LANES = 32
 """of a graphics processor: a warp of NVIDIA's, half a wavefront of AMD's at most"""
 _FORKED = "this process was forked from one that had started the OpenCL runtime, which does not survive it; use spawn"
@@ -72,6 +73,8 @@ class Device:
     is_cpu: bool
     shares_memory: bool
     """whether it works in the host's memory, in place"""
+    in_place: bool
+    """whether it reads and writes the host's memory itself, so that nothing has to be mapped to be seen"""
     lanes: int
     """work-items that step together: one on a processor, whose lanes a kernel's vectors fill"""
     programs: Programs
@@ -94,6 +97,7 @@ class Device:
             has_fp64="cl_khr_fp64" in str(opencl.extensions).split(),
             is_cpu=is_cpu,
             shares_memory=is_cpu or bool(opencl.host_unified_memory),
+            in_place=is_cpu and POCL in str(opencl.platform.name),
             lanes=1 if is_cpu else LANES,
             programs=Programs(context, opencl),
         )
@@ -119,7 +123,7 @@ def ends_processes(runtime: str) -> str | None:
 
     Of LLVM 18, PoCL 6 asks for a check that many kernels fail: "Instruction Combining did not reach a fixpoint".
     """
-    if "Portable Computing Language" not in runtime:
+    if POCL not in runtime:
         return None
     if shutil.which("ld") is None:
         return "there is no linker (ld) on PATH, without which PoCL ends the process"

@@ -80,6 +80,10 @@ class Buffers(OperationParameters):
     """of their facets"""
     emissive: str | None = None
     """how much of them fog does not hide"""
+    material: str | None = None
+    """the place of each pixel's material in `materials`, in place of albedo, specular and roughness"""
+    mask: str | None = None
+    """where it is 0 there is nothing, whatever depth or position say"""
     motion: str | None = None
     """how far each pixel's point has moved in the picture, px; the shutter needs it"""
 
@@ -87,6 +91,17 @@ class Buffers(OperationParameters):
     def given(self) -> dict[str, str]:
         names = [name for name in type(self).model_fields if name != "layers"]
         return {name: value for name in names if (value := getattr(self, name)) is not None}
+
+
+class Material(OperationParameters):
+    """How a surface reflects, where buffers hold numbers of materials."""
+
+    albedo: Colour = (0.5, 0.5, 0.5)
+    """what it reflects diffusely"""
+    specular: Colour = (1.0, 1.0, 1.0)
+    """the colour of its highlights"""
+    roughness: float = Field(0.5, ge=0, le=1)
+    """of its facets"""
 
 
 class Shadow(OperationParameters):
@@ -130,6 +145,8 @@ class Scene(OperationParameters):
     """what stands in the scene"""
     buffers: Buffers = Buffers()
     """pictures sent along, in place of objects"""
+    materials: Annotated[tuple[Material, ...], Field(max_length=4096)] = ()
+    """what the numbers of the buffer `material` mean, from 0 on"""
     lights: Annotated[tuple[Light, ...], Field(max_length=256)] = ()
     """what lights it"""
     ambient: Colour = (0.0, 0.0, 0.0)
@@ -230,7 +247,12 @@ def _flaws(scene: Scene) -> list[Flaw]:
         flaws.append(Flaw("/buffers/depth", "planar depth is required by the lens"))
     if given and scene.environment is not None and "normal" not in given:
         flaws.append(Flaw("/buffers/normal", "is required by the environment"))
-    if given and "albedo" not in given and scene.output in (Output.ALBEDO,):
+    if ("material" in given) != bool(scene.materials):
+        where, what = ("/materials", "are") if "material" in given else ("/buffers/material", "is")
+        flaws.append(Flaw(where, f"{what} required: numbers mean materials, and materials are named by numbers"))
+    if "mask" in given and "depth" not in given and "position" not in given:
+        flaws.append(Flaw("/buffers/mask", "needs depth or position, of which it leaves a part"))
+    if given and not {"albedo", "material"} & given.keys() and scene.output in (Output.ALBEDO,):
         flaws.append(Flaw("/buffers/albedo", "is what was asked for"))
     for number, light in enumerate(scene.lights):
         if light.slide is not None and light.kind not in (Kind.PROJECTOR, Kind.SLAB):

@@ -10,6 +10,7 @@ that has a pass gives it. Which passes are which buffers:
     specular    GlossCol, Glossy Color, Specular
     roughness   Roughness
     emissive    Emissive
+    material    IndexMA, Material Index, where the scene lists materials
 
 Where there is nothing, Blender writes a depth of 1e10, in half floats of 65504, and a position of 0 0 0; both become
 infinite by the depth. Its normals and positions are in the world's axes, whose z is up, so where both are there the
@@ -37,6 +38,7 @@ PASSES: Mapping[str, tuple[str, ...]] = {
     "specular": ("GlossCol", "Glossy Color", "Specular"),
     "roughness": ("Roughness",),
     "emissive": ("Emissive",),
+    "material": ("IndexMA", "Material Index"),
 }
 COMPONENTS: Mapping[str, tuple[str, ...]] = {
     "position": ("X", "Y", "Z"), "normal": ("X", "Y", "Z"), "albedo": ("R", "G", "B"), "specular": ("R", "G", "B"),
@@ -53,7 +55,7 @@ def spread(scene: Scene, images: Mapping[str, Image]) -> tuple[Scene, dict[str, 
         return scene, dict(images)
     found = buffers(images[name])
     given = scene.buffers.given
-    made = {key: f"{name}-{key}" for key in found if key not in given}
+    made = {key: f"{name}-{key}" for key in found if key not in given and (key != "material" or scene.materials)}
     if "position" in made or "position" in given:
         made.pop("depth", None)
     if not made:

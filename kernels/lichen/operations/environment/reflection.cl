@@ -10,12 +10,15 @@
 //   COLOURS            1 to 4 channels of pictures
 //   WEIGHT             float or double: the precision of reflectances
 //   REAL, SHORT        double and 0, or float and 1: the precision of directions and places
+//   SINGLE             1 where floats do except in segments that are in doubt, which are marked: there a rounding could
+//                      decide about a chart, or about what is inside of a body; 2 to make those anew, in doubles
 //   NEAREST            1 for the texel that a direction falls in, 0 for a mean of four
 //   BASE, IRRADIANCE   1 where there is such an input; COATED 1 where the base loses what is reflected
 //   BEHIND             1 where the environment shows where there is no surface
 // `n` holds the turn, row by row, the eye, the scale of the view, the index, its inverse, and the constant reflectance.
 // `cells` holds the cells of a cube's faces: left, ahead, right, up, behind, down.
 
+#include "fresnel.clh"
 #include "numeric.clh"
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -23,6 +26,8 @@
 #define SEGMENT 64
 #define TILE 32
 #define FN static inline __attribute__((always_inline))
+#define DOUBT 4e-6f // of a unit direction's components, four times what floats may make of them
+#define RUN 64 // segments that an item looks at for those in doubt
 #define EACH for (int i = 0; i < SEGMENT; ++i)
 
 // Where directions lie between the texels of a framed environment; of the nearest, x is 0, or NaN for what is no direction.
@@ -72,11 +77,24 @@ FN void fetch(float *restrict to, global const float *restrict from, int each, u
             to[i * each + k] = from[(first + min(i, last)) * each + k];
 }
 
+// A component is 0 in doubles, too, where it is `exact`: nothing was added to what a normal's own is.
 FN void located(Places *restrict at, const Directions *restrict d, int tall, int wide,
-                    global const int *restrict cells)
+                    global const int *restrict cells, const int *restrict empty, int exact, int *restrict doubt)
 {
     REAL s[SEGMENT], t[SEGMENT];
     int face[SEGMENT];
+#if SINGLE == 1
+    int unsure = 0;
+#if CHART == 1
+    EACH {
+        REAL x = fabs(d->x[i]), y = fabs(d->y[i]), z = fabs(d->z[i]), depth = fmax(x, fmax(y, z));
+        unsure |= ((depth - x < DOUBT) + (depth - y < DOUBT) + (depth - z < DOUBT) > 1) & (BEHIND | !empty[i]);
+    }
+#else
+    EACH unsure |= (fabs(d->z[i]) < DOUBT) & !(exact & (d->z[i] == 0)) & (BEHIND | !empty[i]);
+#endif
+    *doubt |= unsure;
+#endif
 #if CHART == 0
     EACH {
         float x = (float)d->x[i], y = (float)d->y[i], z = (float)d->z[i];
@@ -104,9 +122,16 @@ FN void located(Places *restrict at, const Directions *restrict d, int tall, int
     EACH face[i] = cells[face[i]];
 #elif CHART == 2
     EACH {
-        REAL x = d->x[i], y = d->y[i], z = d->z[i], below = sqrt(x * x + y * y + z * z) + fabs(z);
+        REAL x = d->x[i], y = d->y[i], z = d->z[i];
+#if SINGLE == 1
+        REAL per = 1 / (1 + fabs(z));
+        s[i] = (z >= 0 ? x : -x) * per;
+        t[i] = y * per;
+#else
+        REAL below = sqrt(x * x + y * y + z * z) + fabs(z);
         s[i] = (z >= 0 ? x : -x) / below;
         t[i] = y / below;
+#endif
         face[i] = z >= 0 ? 0 : 1;
     }
 #else
@@ -205,14 +230,15 @@ FN float reflected(double before, double ratio, double k)
     return (float)(c == c ? made : c);
 }
 
-kernel void reflection(global const float *restrict normals, global const float *restrict positions,
+FN void segment(global const float *restrict normals, global const float *restrict positions,
                        global const float *restrict base, global const float *restrict environment,
                        global const float *restrict irradiance, global float *restrict out,
                        global const double *restrict n, global const int *restrict cells, int width, int height,
                        int tall, int wide, int irradiance_tall, int irradiance_wide,
-                       global const uchar *restrict skipped, ulong pixels)
+                       global const uchar *restrict skipped, ulong pixels, ulong number,
+                       global uchar *restrict doubtful)
 {
-    ulong first = get_global_id(0) * (ulong)SEGMENT;
+    ulong first = number * SEGMENT;
     if (first >= pixels)
         return;
     int last = (int)min((ulong)SEGMENT, pixels - first) - 1;
@@ -242,7 +268,11 @@ kernel void reflection(global const float *restrict normals, global const float 
     fetch(own, base, COLOURS, first, last);
 #endif
     Directions outward, mirror, through;
-    int empty[SEGMENT];
+    int empty[SEGMENT], doubt = 0;
+#if SINGLE == 1
+    float contrast = (float)((n[13] - 1) * (n[13] + 1));
+    float rest_x = (float)(n[9] - eye_x), rest_y = (float)(n[10] - eye_y), rest_z = (float)(n[11] - eye_z);
+#endif
     EACH {
         REAL x = given[NORMALS * i], y = given[NORMALS * i + 1];
 #if UNIT
@@ -266,6 +296,11 @@ kernel void reflection(global const float *restrict normals, global const float 
         REAL a = place[3 * i], b = place[3 * i + 1], d = place[3 * i + 2];
         int far = ((fabs(a) == INFINITY) | (fabs(b) == INFINITY) | (fabs(d) == INFINITY)) & (a == a) & (b == b) & (d == d);
         REAL vx = eye_x - (far ? R(0.0) : a), vy = eye_y - (far ? R(0.0) : b), vz = eye_z - (far ? R(0.0) : d);
+#if SINGLE == 1
+        vx += rest_x; // what the float of the eye lacks
+        vy += rest_y;
+        vz += rest_z;
+#endif
         SCALE(vx, vy, vz)
         length = sqrt(vx * vx + vy * vy + vz * vz), inverse = 1 / (length == 0 ? R(1.0) : length);
         nothing |= far | (length == 0);
@@ -293,7 +328,12 @@ kernel void reflection(global const float *restrict normals, global const float 
         c = fabs(c);
         c = c > 1 ? R(1.0) : c;
         REAL eta = 1 / ratio, k = 1 - eta * eta * (1 - c * c), twice = 2 * c;
+#if SINGLE == 1
+        share[i] = FRESNEL ? fresnel_contrast(c, contrast) : fixed;
+        doubt |= FRESNEL & !nothing & (c * sign < DOUBT);
+#else
         share[i] = FRESNEL ? reflected(c, ratio, k) : fixed;
+#endif
         int behind = BEHIND & nothing;
 #if MODE != 1
         turn(&mirror, i, behind ? -vx : twice * nx - vx, behind ? -vy : twice * ny - vy,
@@ -307,10 +347,17 @@ kernel void reflection(global const float *restrict normals, global const float 
              behind ? -vz : along * nz - eta * vz, m);
 #endif
     }
+#if SINGLE == 1
+    if (doubt) {
+        doubtful[number] = 1;
+        return;
+    }
+#endif
     Places at;
     float4 made[SEGMENT];
 #if IRRADIANCE
-    located(&at, &outward, irradiance_tall, irradiance_wide, cells);
+    located(&at, &outward, irradiance_tall, irradiance_wide, cells, empty,
+            m[6] == 0 && m[7] == 0, &doubt);
     EACH made[i] = value(irradiance, &at, i, irradiance_wide);
 #endif
     EACH {
@@ -328,7 +375,11 @@ kernel void reflection(global const float *restrict normals, global const float 
     }
     float4 plain = (float4)(0.0f);
 #if MODE != 1
-    located(&at, &mirror, tall, wide, cells);
+    located(&at, &mirror, tall, wide, cells, empty, 0, &doubt);
+#if SINGLE == 1
+    if (doubt)
+        doubtful[number] = 1;
+#endif
     EACH {
         float4 seen = value(environment, &at, i, wide);
 #if BASE
@@ -342,7 +393,7 @@ kernel void reflection(global const float *restrict normals, global const float 
     }
 #endif
 #if MODE != 0
-    located(&at, &through, tall, wide, cells);
+    located(&at, &through, tall, wide, cells, empty, 0, &doubt);
     EACH {
         float4 seen = value(environment, &at, i, wide), kept = made[i];
         float passes = MODE == 1 && !FRESNEL ? share[i] : 1.0f - share[i];
@@ -378,4 +429,29 @@ kernel void reflection(global const float *restrict normals, global const float 
 #endif
     }
 #endif
+}
+
+#if SINGLE == 2
+#define STEPS RUN
+#else
+#define STEPS 1
+#endif
+kernel void reflection(global const float *restrict normals, global const float *restrict positions,
+                       global const float *restrict base, global const float *restrict environment,
+                       global const float *restrict irradiance, global float *restrict out,
+                       global const double *restrict n, global const int *restrict cells, int width, int height,
+                       int tall, int wide, int irradiance_tall, int irradiance_wide,
+                       global const uchar *restrict skipped, ulong pixels, global uchar *restrict doubtful)
+{
+    ulong number = get_global_id(0) * (ulong)STEPS;
+    for (int k = 0; k < STEPS && (number + k) * SEGMENT < pixels; k++) {
+#if SINGLE == 1
+        doubtful[number + k] = 0;
+#elif SINGLE == 2
+        if (!doubtful[number + k])
+            continue;
+#endif
+        segment(normals, positions, base, environment, irradiance, out, n, cells, width, height, tall, wide,
+                irradiance_tall, irradiance_wide, skipped, pixels, number + k, doubtful);
+    }
 }

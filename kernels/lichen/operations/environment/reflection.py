@@ -25,7 +25,9 @@ where `background` is environment.
 Where `tiles` leave the environment out (see the operation tiles) the base passes, too, and nothing is looked up; what
 that changes, `faint`, is part of every error.
 
-Methods: `exact`; `schlick` takes his approximation of F; `nearest` takes the texel a direction falls in.
+Methods: `exact`; `single` finds mirrors in float32, which moves what is seen by a part of a texel, and again in doubles
+where a rounding could decide in which chart it lies; `schlick` takes Schlick's approximation of F; `nearest` takes the
+texel a direction falls in.
 
 Sources: W. Heidrich and H.-P. Seidel, View-independent environment maps, Graphics Hardware 1998; W. Heidrich et al.,
 Applications of pixel textures in visualization and realistic image synthesis, I3D 1999, section 6; the reflectance
@@ -36,21 +38,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field
 
-from lichen.errors import Flaw
 from lichen.image import Alpha, Extent
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.operation import (
     POINTWISE,
-    ROUNDING,
     WHOLE,
-    Degrees,
-    Error,
     Facts,
     Footprint,
     Input,
@@ -60,11 +56,21 @@ from lichen.operation import (
     Operation,
     Rate,
 )
-from lichen.operations.compositing.layers import FLOAT_MAX, same_size
+from lichen.operations.compositing.layers import FLOAT_MAX
 from lichen.operations.environment import framed
-from lichen.operations.environment.fresnel import algebraic, reflectance, schlick, schlick_error
+from lichen.operations.environment.fresnel import algebraic, reflectance, schlick
 from lichen.operations.environment.reflection_cases import CASES, EXAMPLES
-from lichen.operations.environment.surfaces import Convention, Encoding, Seen, mirrored, refracted, surface
+from lichen.operations.environment.reflection_errors import (
+    exact_error,
+    nearest_error,
+    no_single,
+    range_of,
+    rounded,
+    schlick_error,
+    single_error,
+)
+from lichen.operations.environment.reflection_parameters import Background, Fresnel, Mode, Parameters, check
+from lichen.operations.environment.surfaces import Convention, Encoding, mirrored, refracted, surface
 from lichen.operations.scene.lists import left_out, listing, passed
 from lichen.operations.warp.charts import FACES, NOTHING, Chart
 
@@ -77,136 +83,14 @@ if TYPE_CHECKING:
     Weight = Callable[[Array, Array], Array]
 
 
-class Mode(StrEnum):
-    """What is seen of the environment."""
-
-    MIRROR = "mirror"
-    REFRACTION = "refraction"
-    GLASS = "glass"
-
-
-class Fresnel(StrEnum):
-    """How much is reflected."""
-
-    NONE = "none"
-    """a constant"""
-    DIELECTRIC = "dielectric"
-    """by Fresnel's equations"""
-
-
-class Background(StrEnum):
-    """What shows where there is no surface."""
-
-    NONE = "none"
-    """the base, or 0"""
-    ENVIRONMENT = "environment"
-
-
-class Parameters(Seen):
-    chart: Chart = Field(Chart.LATLONG, description="how the environment, and the irradiance, hold all directions")
-    mode: Mode = Field(Mode.MIRROR, description="what is reflected, what is seen through the surface, or both")
-    fresnel: Fresnel = Field(Fresnel.NONE, description="a constant reflectance, or that of a dielectric")
-    reflectance: float = Field(1.0, ge=0, le=1, description="where fresnel is none; of refraction, what passes")
-    index: float = Field(1.5, ge=0.1, le=1000, description="of refraction: the body's over that around it")
-    coated: bool = Field(False, description="whether the base loses what is reflected above it")
-    background: Background = Field(Background.NONE, description="what shows where there is no surface")
-    yaw: Degrees = Field(0.0, ge=-1e5, le=1e5, description="how far the environment's middle is turned to the right")
-    pitch: Degrees = Field(0.0, ge=-1e5, le=1e5, description="how far up")
-    roll: Degrees = Field(0.0, ge=-1e5, le=1e5, description="how far it is tilted clockwise")
-    effect: int = Field(0, ge=0, le=4095, description="the channel of `tiles` that is about the environment")
-    faint: float = Field(0.0, ge=0, le=1e6, description="what `tiles` leave out of a pixel's light at most")
-
-    @property
-    def turn(self) -> Array:
-        return framed.turn(self.yaw, self.pitch, self.roll)
-
-
-def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
-    environment = facts["environment"]
-    flaws = same_size(facts, "normal", "position", "base")
-    if p.chart is Chart.FISHEYE:
-        flaws.append(Flaw("/parameters/chart", "a fisheye does not hold all directions; convert it by panorama"))
-        return flaws
-    for name in ("environment", "irradiance"):
-        if name in facts:
-            flaws += framed.flaws_of(name, p.chart, facts[name])
-    for name in ("base", "irradiance"):
-        if name in facts and facts[name].channels != environment.channels:
-            text = f"has {facts[name].channels} channel(s); the environment has {environment.channels}"
-            flaws.append(Flaw(f"/inputs/{name}", text))
-    if p.coated and not {"base", "irradiance"} & facts.keys():
-        flaws.append(Flaw("/parameters/coated", "there is neither a base nor an irradiance to be coated"))
-    return flaws
-
-
-def _under(facts: InputFacts) -> tuple[float, float]:
-    """Range of what lies under the mirror."""
-    ends = [facts[name].extent for name in ("base", "irradiance") if name in facts]
-    if not ends:
-        return 0.0, 0.0
-    products = [ends[0].low, ends[0].high]
-    if len(ends) == 2:
-        products = [a * b for a in products for b in (ends[1].low, ends[1].high)] + products
-    return min(*products, 0.0), max(*products, 0.0)
-
-
-def _range(p: Parameters, facts: InputFacts) -> tuple[float, float]:
-    seen = facts.get("environment", facts["normal"]).extent
-    low, high = _under(facts)
-    return low + min(seen.low, 0.0), high + max(seen.high, 0.0)
-
-
-def _moved(p: Parameters, facts: Facts) -> float:
-    """Texels by which a place may be off. Longitudes and latitudes are float32 angles: 4.5e-7 of a radian at most."""
-    if p.chart is Chart.LATLONG:
-        return 4.5e-7 * (facts.width / 6.28 + facts.height / 3.14) + 2 * ROUNDING
-    return 4 * ROUNDING
-
-
-def _rounded(p: Parameters, facts: InputFacts) -> float:
-    """Of places, of weights, and of the sums: two dozen roundings of what is added, seams among them, and of a
-    reflectance ten more."""
-    environment = facts.get("environment", facts["normal"])
-    scale = facts["base"].extent.magnitude if "base" in facts and "irradiance" in facts else 1.0
-    value = _moved(p, environment) * environment.extent.spread
-    if "irradiance" in facts:
-        value += _moved(p, facts["irradiance"]) * facts["irradiance"].extent.spread * scale
-    magnitude = environment.extent.magnitude + max(map(abs, _under(facts)))
-    return min(value + (34 if p.fresnel is Fresnel.DIELECTRIC else 24) * ROUNDING * magnitude, FLOAT_MAX)
-
-
-def _faint(p: Parameters, facts: InputFacts) -> float:
-    return p.faint if "tiles" in facts else 0.0
-
-
-def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    value = _rounded(p, facts)
-    return Error(value + _faint(p, facts), "bound", value)
-
-
-def _nearest_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    """A texel differs from any mean of texels by the environment's spread at most."""
-    rounding = _rounded(p, facts)
-    scale = facts["base"].extent.magnitude if "base" in facts and "irradiance" in facts else 1.0
-    value = facts.get("environment", facts["normal"]).extent.spread
-    if "irradiance" in facts:
-        value += scale * facts["irradiance"].extent.spread
-    return Error(min(value + rounding + _faint(p, facts), FLOAT_MAX), "bound", rounding)
-
-
-def _schlick_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    rounding = _rounded(p, facts)
-    weighed = facts.get("environment", facts["normal"]).extent
-    low, high = min(weighed.low, 0.0), max(weighed.high, 0.0)
-    under = max(map(abs, _under(facts))) if p.coated else 0.0
-    value = schlick_error(p.index) * (high - low + under)
-    return Error(min(value + rounding + _faint(p, facts), FLOAT_MAX), "estimate", rounding)
+SEGMENT, RUN = 64, 64
+"""Pixels, and segments that are looked at for those in doubt, of a work-item of the kernel."""
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
     normal, environment = facts["normal"], facts.get("environment", facts["normal"])
-    low, high = _range(p, facts)
-    slack = _rounded(p, facts)
+    low, high = range_of(p, facts)
+    slack = rounded(p, facts)
     bad = any(each.extent.nonfinite for each in facts.values()) or max(abs(low), abs(high)) + slack >= FLOAT_MAX
     extent = Extent(
         max(low - slack, -FLOAT_MAX), min(high + slack, FLOAT_MAX), normal.pixels * environment.channels if bad else 0
@@ -245,7 +129,7 @@ reflection = Operation(
     result=_result,
     propagate=_propagate,
     implied=lambda p, facts: "any texel may be read, so tiles of the environment are none of the result",
-    check=_check,
+    check=check,
     examples=EXAMPLES,
     hard_cases=CASES,
 )
@@ -302,12 +186,18 @@ def _cells(chart: Chart) -> Array:
 
 
 def _launched(
-    device: Device, inputs: Inputs, p: Parameters, *, nearest: bool = False, approximate: bool = False
+    device: Device,
+    inputs: Inputs,
+    p: Parameters,
+    *,
+    nearest: bool = False,
+    approximate: bool = False,
+    single: bool = False,
 ) -> Array:
     normal = inputs["normal"]
     channels = inputs["environment"].channels
     maps = {name: framed.kept(inputs[name], p.chart) for name in ("environment", "irradiance") if name in inputs}
-    short = nearest and p.fresnel is Fresnel.NONE
+    short = single or (nearest and p.fresnel is Fresnel.NONE)
     charts = {Chart.LATLONG: 0, Chart.PARABOLOID: 2, Chart.MIRROR_BALL: 3}
     scale = math.tan(math.radians(p.fov or 0.0) / 2) / (0.5 * normal.height)
     numbers = np.array([*p.turn.reshape(-1), *p.eye, scale, p.index, 1 / p.index, p.reflectance])
@@ -319,7 +209,7 @@ def _launched(
         "FRESNEL": fresnel, "COLOURS": channels, "BASE": int("base" in inputs),
         "WEIGHT": "float" if 0.5 <= p.index <= 2 else "double", "IRRADIANCE": int("irradiance" in inputs),
         "COATED": int(p.coated), "REAL": "float" if short else "double", "SHORT": int(short),
-        "BEHIND": int(p.background is Background.ENVIRONMENT), "NEAREST": int(nearest),
+        "BEHIND": int(p.background is Background.ENVIRONMENT), "NEAREST": int(nearest), "SINGLE": int(single),
     }  # fmt: skip
     out = aligned_empty((normal.height, normal.width, channels))
     memories = (maps[name][1] if name in maps else None for name in ("environment", "irradiance"))
@@ -331,15 +221,19 @@ def _launched(
     ]
     pixels = normal.height * normal.width
     skipped = left_out(inputs, p.effect, 1, normal.height, normal.width)
+    segments = -(-pixels // SEGMENT)
+    anew = {**defines, "REAL": "double", "SHORT": 0, "SINGLE": 2}
+    source = "environment/reflection.cl", "reflection"
     with device.session() as session:
-        session.launch(
-            "environment/reflection.cl", "reflection", (-(-pixels // 64),),
-            aligned(normal.pixels), given["position"], given["base"], *memories,
-            session.write(out), aligned(numbers, np.float64), _cells(p.chart), np.int32(normal.width),
-            np.int32(normal.height), *sizes,
+        arguments = (
+            aligned(normal.pixels), given["position"], given["base"], *memories, session.write(out),
+            aligned(numbers, np.float64), _cells(p.chart), np.int32(normal.width), np.int32(normal.height), *sizes,
             None if skipped is None else aligned(skipped, np.uint8), np.uint64(pixels),
-            local=(1,), defines=defines,
+            session.write(session.scratch((segments,), np.uint8)) if single else None,
         )  # fmt: skip
+        session.launch(*source, (segments,), *arguments, local=(1,), defines=defines)
+        if single:
+            session.launch(*source, (-(-segments // RUN),), *arguments, local=(1,), defines=anew)
     return out
 
 
@@ -350,7 +244,7 @@ def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
 
 
 @reflection.method(
-    "exact", error=_exact_error, work=_work, rates={"opencl": Rate(8e-4, 8e-9), "numpy": Rate(2e-3, 9e-7)}
+    "exact", error=exact_error, work=_work, rates={"opencl": Rate(8e-4, 8e-9), "numpy": Rate(2e-3, 9e-7)}
 )
 class Exact:
     """Bilinear between texels, Fresnel's equations in their algebraic form."""
@@ -365,8 +259,27 @@ class Exact:
 
 
 @reflection.method(
+    "single",
+    error=single_error,
+    work=_work,
+    rates={"opencl": Rate(8e-4, 6e-9), "numpy": Rate(2e-3, 9e-7)},
+    unfit=no_single,
+)
+class Single:
+    """Bilinear between texels; mirrors in float32, in doubles where a rounding could matter much."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
+        return _launched(device, inputs, p, single=True) if device.has_fp64 else Exact.numpy(inputs, p, knob)
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
+        return Exact.numpy(inputs, p, knob)
+
+
+@reflection.method(
     "schlick",
-    error=_schlick_error,
+    error=schlick_error,
     work=_work,
     rates={"opencl": Rate(8e-4, 8e-9), "numpy": Rate(2e-3, 9e-7)},
     unfit=lambda p, facts: "there is no Fresnel to approximate" if p.fresnel is Fresnel.NONE else None,
@@ -384,7 +297,7 @@ class Schlick:
 
 
 @reflection.method(
-    "nearest", error=_nearest_error, work=_work, rates={"opencl": Rate(8e-4, 7e-9), "numpy": Rate(2e-3, 6e-7)}
+    "nearest", error=nearest_error, work=_work, rates={"opencl": Rate(8e-4, 7e-9), "numpy": Rate(2e-3, 6e-7)}
 )
 class Nearest:
     """The texel that a direction falls in, found in float32 where no reflectance depends on it."""

@@ -15,7 +15,7 @@ Holds = Callable[[Given, Array], str | None]
 GREY = 0.7
 EXAMPLES: tuple[Mapping[str, Any], ...] = (
     {"fresnel": "dielectric", "mode": "glass", "fov": 40},
-    {"chart": "mirror_ball", "reflectance": 0.8, "yaw": 30, "pitch": -20},
+    {"chart": "paraboloid", "fresnel": "dielectric", "yaw": 30, "pitch": -20},
     {"fresnel": "dielectric", "index": 1.33, "mode": "refraction", "encoding": "unit", "convention": "directx"},
 )
 

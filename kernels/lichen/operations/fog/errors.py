@@ -1,7 +1,8 @@
 """What fog may err by, and how much it changes at most.
 
 With e^-t t <= 1/e, a relative error r of the optical depth t changes what comes through by r / e at most. Of a distance
-found in float32 that is 5 roundings: the slant of a ray has 3, a depth 1, their product 1.
+found in float32 that is 5 roundings: the slant of a ray has 3, a depth 1, their product 1; of a point
+distance 4, two of the difference and two of its length.
 
 Mean densities of layers err absolutely: x mean'(x) = density(x) - mean(x) is at most the largest density, so relative
 errors of x count by that, and so do those of a segment's ends. Times the longest path there is, that is an error of the
@@ -59,15 +60,15 @@ def exact(p: Parameters, knob: float, facts: InputFacts) -> Error:
 
 def _rounding(p: Parameters, facts: InputFacts) -> float:
     if p.kind is Kind.LINEAR:
-        return min(ROUNDING * (8 * p.end / (p.end - p.start) + 3), 1.0)
+        return min(ROUNDING * (10 * p.end / (p.end - p.start) + 3), 1.0)
     if p.kind is not Kind.HEIGHT:
         usual = {Kind.EXPONENTIAL: 5.0, Kind.SQUARED: 8.0, Kind.LAYERED: 5.0}[p.kind] * ROUNDING
-        return min(usual + _layers(p, facts, 12 + 2 * len(p.heights)), 1.0)
+        return min(usual + _layers(p, facts, 18 + 2 * len(p.heights)), 1.0)
     if p.clear:
         return 0.0
     power = math.log(HIDDEN) - math.log(p.density * p.falloff) - p.lift
     deep = math.log1p(math.exp(power)) if power < 700 else power
-    return min(ROUNDING * (2 + (15 + 2 * abs(p.lift) + 5 * deep) / math.e) + math.exp(-HIDDEN) * 1.1, 1.0)
+    return min(ROUNDING * (2 + (20 + 2 * abs(p.lift) + 8 * deep) / math.e) + math.exp(-HIDDEN) * 1.1, 1.0)
 
 
 def _layers(p: Parameters, facts: InputFacts, roundings: float, apart: float = 0.0) -> float:
@@ -85,8 +86,8 @@ def table(p: Parameters, knob: float, facts: InputFacts) -> Error:
         return _stated(p, facts, 0.0)
     if p.kind is Kind.LAYERED:
         apart = reach_of(p) / cells * p.column.steepest / 4
-        rounded = _layers(p, facts, 24)
-        return _stated(p, facts, 5 * ROUNDING + rounded, min(_layers(p, facts, 24, apart), 1.0) - rounded)
+        rounded = _layers(p, facts, 30)
+        return _stated(p, facts, 5 * ROUNDING + rounded, min(_layers(p, facts, 30, apart), 1.0) - rounded)
     bend = DEEPEST**2 if p.kind is Kind.EXPONENTIAL else 2 * DEEPEST
     return _stated(p, facts, 16 * ROUNDING, min(bend / cells**2 / 8, 1.0) + math.exp(-DEEPEST))
 

@@ -3,14 +3,17 @@
 // Definitions given at build time:
 //   CHANNELS, COVERAGE   of the picture; 1 where the last is coverage, which colour is multiplied by
 //   KIND                 0 linear, 1 exponential, 2 squared, 3 layered, 4 by height
+//   SLANTED              1 where heights are counted along none of the axes
 //   POSITION             1 where points are given; 0 where depths are: `depth_kind` 0 planar, 1 euclidean, 2 by terms
 //   TABLE                1 where `layers` is a table of `entries`: of what comes through (kinds 1, 2), or of mean densities
-//                        above the eye and then below (3); 0 where it holds 4 floats for each segment, those above first
+//                        above the eye and then below (3); 0 where it holds for each segment, those above first,
+//                        where it begins, the integral up to there, the density there and its slope
 // `n` holds doubles; launch.py says which.
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 #include "numeric.clh"
+#include "vector.clh"
 #include "../compositing/planes.clh"
 
 #define SEGMENT 64
@@ -49,30 +52,45 @@ PLANE_FN float16 tabled(float16 x, global const float *restrict table, int entri
     return x == x ? a + (place - convert_float16(cell)) * (b - a) : x;
 }
 
-// The mean density of layers between the eye's height and `rise` above it. Rises that no float's square root notices are
-// none: one over them may be infinite.
+// The mean density of layers between the eye's height and `rise` above it: what the segments before the last hold, and the
+// part of the last, over the rise; all of it is added. Rises that no float's square root notices are none: one over them
+// may be infinite.
 PLANE_FN float16 mean_density(float16 rise, global const float *restrict layers, int above, int below)
 {
-    float16 far = fabs(rise), total = ZERO;
+    float16 far = fabs(rise);
     far = far < 0x1p-120f ? ZERO : far;
-    float16 per = ONE / far;
-    int16 up = rise >= 0.0f, down = rise < 0.0f;
-    for (int k = 0; k < above + below; k++) {
-        float b = layers[4 * k], w = layers[4 * k + 1], s = layers[4 * k + 2], m = layers[4 * k + 3];
-        int16 side = k < above ? up : down;
-        bool first = k == 0 || k == above;
-        if (!mask_any(first ? side : side & (far > b)))
-            continue;
-        float16 t = far - b;
-        t = t > 0.0f ? t : ZERO;
-        t = t < w ? t : (float16)(w);
-        float16 share = t > 0.0f ? t * per : ZERO;
-        if (first)
-            share = far <= w ? ONE : share;
-        total += side ? share * (s + 0.5f * m * t) : ZERO;
+    int16 down = rise < 0.0f;
+    global const float *first = layers + 4 * above;
+    float16 b = ZERO, before = ZERO, s = down ? (float16)(first[2]) : (float16)(layers[2]);
+    float16 m = down ? (float16)(first[3]) : (float16)(layers[3]);
+    for (int k = 1; k < above; k++) {
+        int16 reached = rise > layers[4 * k];
+        b = reached ? (float16)(layers[4 * k]) : b;
+        before = reached ? (float16)(layers[4 * k + 1]) : before;
+        s = reached ? (float16)(layers[4 * k + 2]) : s;
+        m = reached ? (float16)(layers[4 * k + 3]) : m;
     }
-    return total;
+    for (int k = 1; k < below; k++) {
+        int16 reached = rise < -first[4 * k];
+        b = reached ? (float16)(first[4 * k]) : b;
+        before = reached ? (float16)(first[4 * k + 1]) : before;
+        s = reached ? (float16)(first[4 * k + 2]) : s;
+        m = reached ? (float16)(first[4 * k + 3]) : m;
+    }
+    float16 t = far - b, mean = fma(0.5f * m, t, s);
+    return b == 0.0f ? mean : fma(t, mean, before) / far;
 }
+
+#if POSITION
+// The part of points less the eye in a direction, whose products may cancel; what it does not look at may be infinite.
+PLANE_FN float16 along(const float16 *p, global const double *restrict eye, global const double *restrict direction)
+{
+    double16 total = (double16)(0.0);
+    for (int c = 0; c < 3; c++)
+        total = direction[c] != 0.0 ? total + direction[c] * (convert_double16(p[c]) - eye[c]) : total;
+    return convert_float16(total);
+}
+#endif
 
 kernel void fog(global const float *restrict image, global const float *restrict where, global const float *restrict emissive,
                 global float *restrict out, global const double *restrict n, global const float *restrict colour,
@@ -86,31 +104,34 @@ kernel void fog(global const float *restrict image, global const float *restrict
     double y = ys[row];
     float density = (float)n[4], start = (float)n[5], slope = (float)n[6], lift = (float)n[7], per_fall = (float)n[8];
     float y2 = (float)(1.0 + y * y);
+#if POSITION
+    float eye[6];
+    for (int c = 0; c < 3; c++) {
+        eye[c] = (float)n[9 + c];
+        eye[3 + c] = (float)(n[9 + c] - eye[c]);
+    }
+#endif
     for (int column = begin; column < end; column += LANES) {
         int count = min(end - column, LANES);
         ulong first = (ulong)row * width + column;
 #if POSITION
         float16 p[4];
         planes_load(where + first * 3, 3, 3, count, p);
-        double16 px = convert_double16(p[0]) - n[9], py = convert_double16(p[1]) - n[10], pz = convert_double16(p[2]) - n[11];
-        double16 length = sqrt(px * px + py * py + pz * pz);
-        float16 d = convert_float16(length), rise = ZERO, climb = ZERO;
+        // Relative to the eye, which is given in two parts: what is near it keeps all digits.
+        float16 px = (p[0] - eye[0]) - eye[3], py = (p[1] - eye[1]) - eye[4], pz = (p[2] - eye[2]) - eye[5];
+        float16 d = vector_length(vector(px, py, pz)), rise = ZERO, climb = ZERO;
         d = ((p[0] != p[0]) | (p[1] != p[1]) | (p[2] != p[2])) ? (float16)(NAN) : d;
         if (planar) {
-            double16 ahead = (double16)(0.0);
-            ahead = n[15] != 0.0 ? ahead + n[15] * px : ahead;
-            ahead = n[16] != 0.0 ? ahead + n[16] * py : ahead;
-            ahead = n[17] != 0.0 ? ahead + n[17] * pz : ahead;
-            float16 z = convert_float16(ahead);
+            float16 z = along(p, n + 9, n + 15);
             z = z < 0.0f ? ZERO : z;
             d = d == INFINITY ? d : (d == d ? z : d);
         }
 #if KIND >= 3
-        double16 up = (double16)(0.0);
-        up = n[12] != 0.0 ? up + n[12] * px : up;
-        up = n[13] != 0.0 ? up + n[13] * py : up;
-        up = n[14] != 0.0 ? up + n[14] * pz : up;
-        rise = convert_float16(up);
+#if SLANTED
+        rise = along(p, n + 9, n + 12);
+#else
+        rise = n[12] != 0.0 ? (float)n[12] * px : (n[13] != 0.0 ? (float)n[13] * py : (float)n[14] * pz);
+#endif
 #endif
 #else
         double16 x = vload16(0, xs + column);

@@ -78,12 +78,20 @@ def _padded(x: Array) -> Array:
     return np.append(x, np.full(15, x[-1]))
 
 
+def _summed(side: Array) -> Array:
+    """Segments of a column with the integral up to where each begins, in place of how wide it is."""
+    made = side.copy()
+    _, w, s, m = side[:-1].T
+    made[:, 1] = np.concatenate([[0.0], np.cumsum(w * (s + m * w / 2))])
+    return made
+
+
 @lru_cache(maxsize=64)
 def _constants(
     p: Parameters, height: int, width: int, colours: int, entries: int
 ) -> tuple[tuple[Array, ...], int, int]:
     """Numbers, colour, layers or table, x and y, and segments above and below; kept, since frames ask for the same."""
-    sides = p.column.sides if p.kind is Kind.LAYERED else (np.zeros((1, 4)),) * 2
+    sides = [_summed(each) for each in p.column.sides] if p.kind is Kind.LAYERED else [np.zeros((1, 4))] * 2
     layers = table_of(p, entries) if entries else np.concatenate(sides).astype(np.float32)
     x, y = rays(p, height, width)
     made = (
@@ -108,6 +116,7 @@ def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) ->
     defines: dict[str, int | float | str] = {
         "CHANNELS": image.channels, "COVERAGE": int(image.alpha is not Alpha.NONE), "TABLE": int(entries > 0),
         "KIND": list(Kind).index(p.kind), "POSITION": int(pointed(where)),
+        "SLANTED": int(pointed(where) and p.by_height and np.count_nonzero(p.upward) > 1),
     }  # fmt: skip
     with device.session() as session:
         session.launch(
@@ -115,6 +124,6 @@ def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) ->
             pixels, aligned(where.pixels if pointed(where) else where.pixels[..., :1]),
             aligned(inputs["emissive"].pixels) if "emissive" in inputs else pixels, session.write(out),
             *constants, *(np.int32(each) for each in choices),
-            defines=defines,
+            local=(1,), defines=defines,
         )  # fmt: skip
     return out

@@ -108,6 +108,17 @@ CASES = (
         _gives(1.3e-4 / np.hypot(1.3e-4, 1e-3), within=1e-5),
     ),
     HardCase(
+        "so far from a lamp that squares of distances are infinite",
+        "0 r^2 is not a number where r^2 has overflown, although that part of the falloff is none",
+        lambda: {"normal": _row(*[(0, 0, 1)] * 3), "position": _row((0, 0, -1e17), (0, 0, -1e25), (0, 0, -3e38))},
+        {
+            "lights": [{"kind": "point", "falloff": [2, 0, 0]}, {"kind": "point"}],
+            "diffuse": [1, 1, 1],
+            "highlight": [0, 0, 0],
+        },
+        _gives(0.5, 0.5, 0.5),
+    ),
+    HardCase(
         "the lamp straight behind, and grazing view",
         "l + v = 0 has no direction; G / cos is 0 / 0",
         _grazing,

@@ -46,6 +46,17 @@ def _numbers(p: Parameters, task: Lit) -> Array:
     )  # fmt: skip
 
 
+def _defines(material: Material) -> dict[str, int | float | str]:
+    """What the kernel is built for: each model has its own, and of facets each of their terms."""
+    facets = material.model is Model.TORRANCE_SPARROW
+    return {
+        "MODEL": list(Model).index(material.model),
+        "DISTRIBUTION": list(Distribution).index(material.distribution) if facets else 0,
+        "MASKING": list(Masking).index(material.masking) if facets else 0,
+        "FRESNEL": list(Fresnel).index(material.fresnel) if facets else 0,
+    }
+
+
 def active(out: Array | None, rows: Array) -> Array | None:
     """For each tile how many discs are to be looked at, and their rows in order: int32 (tiles, 1 + rows)."""
     if out is None:
@@ -72,17 +83,15 @@ def on_opencl(device: Device, inputs: Inputs, p: Parameters, material: Material)
     width = normal.width if out_of_tiles is not None else pixels
     looked = aligned(tables.entries(material, p.slope, material.size)) if material.size else None
     with device.session() as session:
-        session.launch(
-            "lighting/lighting.cl", "lighting", (-(-width // 16) * (pixels // width),),
+        session.sweep(
+            "lighting/lighting.cl", "lighting", -(-width // 16) * (pixels // width),
             aligned(normal.pixels), *(aligned(inputs[name].pixels) if name in inputs else None for name in NAMES),
             aligned(np.array(channels), np.int32), np.int32(slide.width), np.int32(slide.height),
             np.int32(slab.width), np.int32(slab.height),
             aligned(task.rows), np.int32(len(task.rows)), active(out_of_tiles, task.rows), aligned(_numbers(p, task)),
-            np.int32(list(Model).index(material.model)), np.int32(list(Distribution).index(material.distribution)),
-            np.int32(list(Masking).index(material.masking)), np.int32(list(Fresnel).index(material.fresnel)),
-            looked, np.int32(material.size), session.write(out), np.uint64(width), np.uint64(pixels // width),
-            np.uint64(scattered(pixels // width)),
-            defines={"SHINY": int(material.model is not Model.LAMBERT)},
+            looked, np.int32(material.size), session.write(out), np.uint32(width), np.uint32(pixels // width),
+            np.uint32(scattered(pixels // width)),
+            defines=_defines(material),
         )  # fmt: skip
     return out
 

@@ -147,7 +147,11 @@ def _arriving(row: Doubles, some: Mapping[str, Array], task: Lit, pictures: Pict
     a, b, c = row[Row.FALLOFF : Row.FALLOFF + 3].astype(kind)
     apart = square + radius
     l = unit(way)  # noqa: E741
-    strength = np.where(square > 0, 1 / np.sqrt(1 + radius / square), square) / (a + b * np.sqrt(apart) + c * apart)
+    falls = np.full_like(apart, a)
+    for factor, grown in ((b, np.sqrt(apart)), (c, apart)):
+        if factor:  # so far away that a square is infinite, nothing times it is nothing
+            falls = falls + factor * grown
+    strength = np.where(square > 0, 1 / np.sqrt(1 + radius / square), square) / falls
     axis = row[Row.AXIS : Row.AXIS + 3].astype(kind).reshape(3, 1)
     if row[Row.EMITTER]:
         strength = strength * np.maximum(-dot(axis, l), 0)
