@@ -88,7 +88,7 @@ def windows_opencl(
             pixels, down, beside, session.write(out), np.int32(height), np.int32(width * channels),
             np.int32(window.left * channels), np.int32(stride), np.int32(band), np.int32(tile), np.int32(channels),
             np.int32(window.width), np.int32(window.height), np.float32(value), np.float32(1 / window.width),
-            np.float32(1 / window.height), local=(1, 1), defines=defines | {"STAGE": STAGE, "MARGIN": MARGIN},
+            np.float32(1 / window.height), local=(1, 1), defines=defines | {"STAGE": STAGE, "MARGIN": MARGIN, "TILE": TILES[0]},
         )  # fmt: skip
     return out
 
