@@ -77,10 +77,12 @@ kernel void advance_codes(global const float *restrict codes, global const float
             }
             locate(&p, &q, zeros, 0, texture_width, texture_height);
             sample(texel, texture, stride, &p, texture_width, texture_height);
+            const float by = k[j];
             EACH {
                 const float x = fabs(place.x[i] - centre.x[i]), y = fabs(place.y[i] - centre.y[i]);
-                const float share = x <= far && y <= far && rests[i] == 0.0f ? k[j] : 0.0f;
-                sum[i] += share != 0.0f ? share * (texel[i] - own[i]) : 0.0f;
+                const float share = (x <= far) & (y <= far) & (rests[i] == 0.0f) ? by : 0.0f;
+                const float piece = share * (texel[i] - own[i]);
+                sum[i] += share != 0.0f ? piece : 0.0f;
                 weight[i] += share;
             }
         }
