@@ -91,7 +91,7 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
     if (shrinking) {
         Ellipses at;
         place(&at, x, y, &shapes, levels, samples, reach);
-        const float limit = reach * reach;
+        const float limit = reach * reach, cut = num_exp(-2.0f * limit);
         /* 0: nothing to do, 1: small, 2: inside, 3: near the border, 4: wholly beyond a constant one, 5: tiny,
          * 6: one of these, with what is not finite beside the ellipse or in it */
         int way[SEGMENT];
@@ -125,7 +125,7 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
             const int level = at.level[i], left = at.column[i] + whole_above(at.fx[i] - at.wide[i]);
             global const float *from = level ? pyramid + (size_t)CHANNELS * sizes[3 * level] : pixels;
             from += CHANNELS * ((at.row[i] + whole_above(at.fy[i] - at.tall[i])) * (size_t)wide[i] + left);
-            soft[i] = ellipse_tiny(from, CHANNELS * (size_t)wide[i], &at, i, limit);
+            soft[i] = ellipse_tiny(from, CHANNELS * (size_t)wide[i], &at, i, cut);
             if (!finite(soft[i])) way[i] = 6;
         }
         for (int i = 0; i < count; ++i) {
@@ -140,7 +140,7 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
             if (way[i] != 3 && way[i] != 6) continue;
             const Picture taken = level_of(&picture, pyramid, sizes, at.level[i]);
             if (way[i] == 3 && at.wide[i] <= TINY && at.tall[i] <= TINY) {
-                soft[i] = ellipse_beyond(&taken, &at, i, limit);
+                soft[i] = ellipse_beyond(&taken, &at, i, cut);
                 if (finite(soft[i])) continue;
             }
             soft[i] = ellipse_anywhere(&taken, &at, i, limit);

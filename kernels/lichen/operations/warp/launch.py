@@ -1,8 +1,9 @@
 """Warps on an OpenCL device: the launches of taps.cl, area.cl and layout.cl, and of the maps' own kernels.
 
 The places of a projective map are nine numbers, and the kernels of the filters find them as they go; those that a
-picture gives they read there. Those of every other map come from its own kernel, one for each operation, which writes them as a table for a band of rows; then the
-filter, one for all operations, runs over that band.
+picture gives they read there. Those of every other map come from its own kernel, one for each operation, which writes
+them as a table for a band of rows; then the filter, one for all operations, runs over that band. Tables are also what
+filters of footprints take of a picture of places.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ def built_for(channels: int) -> dict[str, int]:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """The places of some rows of a result on the device: nine numbers and the corners of two parts, a picture that gives
-    them with its numbers, or tables of coordinates and of their steps."""
+    """The places of some rows of a result on the device: nine numbers and the corners of two parts, a picture that
+    gives them with its numbers, or tables of coordinates and of their steps."""
 
     top: int
     rows: int
