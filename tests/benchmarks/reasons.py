@@ -31,6 +31,9 @@ REASONS: dict[str, str] = {
         "INTER_AREA adds whole pixels; ours weighs them, as any other factor needs. Two threads reach two thirds of "
         "the roofline."
     ),
+    "resize, a quarter, lanczos3, RGBA": (
+        "The peer takes 8 x 8 samples, whatever lies between; ours weighs all of the 24 x 24 that a pixel stands for."
+    ),
     "pyramid, one level, RGBA": "It waits for the rows of the source.",
     "colour_map, viridis": (
         "The place between two colours is found and blended in doubles, and every pixel gathers its own; the peer "
@@ -44,6 +47,10 @@ REASONS: dict[str, str] = {
     "lic, rk4, step 1, 1024 px": (
         "The peer walks from pixel to pixel through constant directions, one look at the field for each; Runge-Kutta "
         "interpolates it four times a step."
+    ),
+    "lic, fastlic, distance 0.25, 1024 px": (
+        "Half of the time goes into finding which lines pass nearest to a pixel and into the means around it; "
+        "following lines is the rest."
     ),
     "lic, fixed, bits 12, 1024 px": (
         "A frame buffer of few bits is imitated, to show what they cost in accuracy: every sum is rounded, every step "
