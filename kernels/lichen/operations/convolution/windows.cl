@@ -23,7 +23,7 @@
 #define ABREAST 4
 #define FEW 5 // samples that are joined one after the other
 
-#ifdef __clang__
+#if defined(__clang__) && defined(__x86_64__)
 #define AS_WRITTEN _Pragma("clang loop vectorize(disable) interleave(disable)")
 #else
 #define AS_WRITTEN
