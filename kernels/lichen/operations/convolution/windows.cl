@@ -8,10 +8,11 @@
 // COMBINE is the step: 0 the sum, of samples multiplied by `scale`, 1 the smaller, 2 the larger; NANS is 0 where no sample
 // is NaN. Sample i of a line that begins before the image comes from sources[i]; -1 is the constant.
 //
-// both: both axes at once, for windows that private memory holds twice. Along rows of pixels of three or four channels,
-//   four rows abreast are taken as above, pixel by pixel, so that no step waits for the one before. Of other pixels, windows
-//   of one length are joined to windows of twice that, so that all lanes of a vector are at work; those of the lengths that
-//   add up to n are joined to the result. Down the image the rows that come out are taken as above.
+// both: both axes at once, for windows that private memory holds twice. Along rows of pixels of three or four
+//   channels, four rows abreast are taken as above, pixel by pixel, so that no step waits for the one before. Of
+//   other pixels, windows of one length are joined to windows of twice that, so that all lanes of a vector are at
+//   work; those of the lengths that add up to n are joined to the result. Down the image the rows that come out are
+//   taken as above.
 // down, across: one axis after the other, for larger windows.
 
 #include "numeric.clh"
@@ -69,8 +70,8 @@ STAGED_FN void along_few(const float *line, float *to, __global const float *ahe
     }
 }
 
-// Windows of n samples; what is on the line, `stride` floats, is lost. A compiler that made vectors of these vectors would
-// take them apart.
+// Windows of n samples; what is on the line, `stride` floats, is lost. A compiler that made vectors of these vectors
+// would take them apart.
 STAGED_FN void along_many(float *line, float *to, __global const float *ahead, int tile, int stride, int channels, int n,
                           float scale, float after)
 {
@@ -170,7 +171,8 @@ __kernel void both(__global const float *restrict in, __global const int *restri
     for (int r = 0; r < rows; r++) {
         int i = r % tall, odd = r / tall & 1;
         float *block = stage + odd * tall * pitch, *row = block + i * pitch;
-        __global const float *ahead = in + (size_t)max(sources[y + min(r + (abreast ? ABREAST : 1), rows - 1)], 0) * width;
+        int later = min(r + (abreast ? ABREAST : 1), rows - 1);
+        __global const float *ahead = in + (size_t)max(sources[y + later], 0) * width;
         ahead += clamp(x - reach, 0, max(width - tile, 0));
         if (abreast && r % ABREAST == 0) {
             float *to[ABREAST];

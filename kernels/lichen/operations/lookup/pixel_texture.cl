@@ -211,8 +211,8 @@ typedef struct {
 
 // `count` pixels of the image lie from `in` on; two texels along axis k lie step[k] floats apart.
 LOOK_FN void find(Found *found, global const float *restrict in, global const float *restrict texels,
-                  global const REAL *restrict n, global const int *restrict sizes, int channels, int unit, int projective,
-                  int before, int after, int count, const size_t *step)
+                  global const REAL *restrict n, global const int *restrict sizes, int channels, int unit,
+                  int projective, int before, int after, int count, const size_t *step)
 {
     REAL y[MOST][SEGMENT];
     int *behind = found->behind, *nan = found->nan, *easy = found->easy, *place = found->place;
@@ -246,8 +246,9 @@ LOOK_FN void find(Found *found, global const float *restrict in, global const fl
 #endif
 }
 
-// A work-item does ROWS segments, a definition given at build time, one below the other, which share most of their texels,
-// and finds each while the texels of the one before come from memory: they lie apart, where no processor sees them coming.
+// A work-item does ROWS segments, a definition given at build time, one below the other, which share most of their
+// texels, and finds each while the texels of the one before come from memory: they lie apart, where no processor sees them
+// coming.
 kernel void lookup(global const float *restrict in, global const float *restrict texels, global float *restrict out,
                    global const REAL *restrict n, global const int *restrict sizes, int channels, int made, int unit,
                    int projective, int before, int after, int width, int height)

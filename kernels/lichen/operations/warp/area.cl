@@ -72,7 +72,8 @@ inline T mixed(T sharp, T soft, float t) {
                 sharp[i] = taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i); \
         for (int i = 0; i < count; ++i)                                                                                \
             if (!easy[i] && blend[i] < 1.0f)                                                                           \
-                sharp[i] = seen[i] ? taps6_anywhere(&picture, column[i], line[i], fx[i], fy[i], &across, &down, i) : (T)(value);     \
+                sharp[i] = seen[i] ? taps6_anywhere(&picture, column[i], line[i], fx[i], fy[i], &across, &down, i)     \
+                                   : (T)(value);                                                                       \
     }                                                                                                                  \
     int large[SEGMENT];                                                                                                \
     EACH large[i] = beyond(&picture, &shapes, i);                                                                      \
@@ -132,7 +133,8 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
             if (way[i] != 1 && way[i] != 2) continue;
             const int level = at.level[i];
             global const float *from = level ? pyramid + (size_t)CHANNELS * sizes[3 * level] : pixels;
-            soft[i] = way[i] == 1 ? ellipse_small(from, wide[i], &at, i, limit) : ellipse_inside(from, wide[i], &at, i, limit);
+            soft[i] = way[i] == 1 ? ellipse_small(from, wide[i], &at, i, limit)
+                                  : ellipse_inside(from, wide[i], &at, i, limit);
             if (!finite(soft[i])) way[i] = 6;
         }
         for (int i = 0; i < count; ++i) {

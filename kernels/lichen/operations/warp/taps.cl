@@ -1,7 +1,7 @@
 /* Warps that take one interpolated value for each pixel: nearest, bilinear, and kernels of 4 or 6 samples.
- * Arguments: `matrix` or `table`, whichever is not null, or `given`, a picture of places, with its numbers as `matrix`; the
- * width of the result, its first row in the table and how many there are; the picture, and how many samples were put
- * around it; where to write. */
+ * Arguments: `matrix` or `table`, whichever is not null, or `given`, a picture of places, with its numbers as
+ * `matrix`; the width of the result, its first row in the table and how many there are; the picture, and how many
+ * samples were put around it; where to write. */
 
 #include "taps.clh"
 
@@ -30,7 +30,7 @@ typedef struct {
     if (ahead < end) {                                                                                                 \
         Found *next = found + (ahead & 1);                                                                             \
         next->quick = find_quick(next->column, next->line, next->fx, next->fy, matrix, table, given, first,            \
-                                 top + ahead, ahead, width, half_, around, before, taps, &picture);                                 \
+                                 top + ahead, ahead, width, half_, around, before, taps, &picture);                    \
         if (next->quick) ask(next->column, next->line, before, taps - 1 - before, &picture);                           \
     }                                                                                                                  \
     if (ahead == begin) continue;                                                                                      \
