@@ -141,8 +141,9 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
             if (way[i] == 4) soft[i] = (T)(value);
             if (way[i] != 3 && way[i] != 6) continue;
             const Picture taken = level_of(&picture, pyramid, sizes, at.level[i]);
-            if (way[i] == 3 && at.wide[i] <= TINY && at.tall[i] <= TINY) {
-                soft[i] = ellipse_beyond(&taken, &at, i, cut);
+            const int tiny = at.wide[i] <= TINY && at.tall[i] <= TINY;
+            if (way[i] == 3 && (tiny || border < BORDER_RING)) {
+                soft[i] = tiny ? ellipse_beyond(&taken, &at, i, cut) : ellipse_across(&taken, &at, i, limit);
                 if (finite(soft[i])) continue;
             }
             soft[i] = ellipse_anywhere(&taken, &at, i, limit);
