@@ -92,7 +92,7 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
     if (shrinking) {
         Ellipses at;
         place(&at, x, y, &shapes, levels, samples, reach);
-        const float limit = reach * reach, cut = num_exp(-2.0f * limit);
+        const float limit = reach * reach, cut = 0.9999f * num_exp(-2.0f * limit); /* what lies on the rim is inside */
         /* 0: nothing to do, 1: small, 2: inside, 3: near the border, 4: wholly beyond a constant one, 5: tiny,
          * 6: one of these, with what is not finite beside the ellipse or in it */
         int way[SEGMENT];
