@@ -106,6 +106,17 @@ def remapped(inputs: Images, values: Values) -> Call:
     return lambda: cv2.remap(pixels, across, down, cv2.INTER_LINEAR, dst=made, borderMode=cv2.BORDER_REPLICATE)
 
 
+def by_texture(side: int) -> dict[str, Image]:
+    """The same map as a picture of coordinates in [0, 1], and what it is looked up in."""
+    given = swirl(side)
+    return {"image": Image(image(given["map"].pixels / np.float32(side)).pixels), "texture": given["image"]}
+
+
+def looked_up(inputs: Images, values: Values) -> Call:
+    side = inputs["texture"].pixels.shape[0]
+    return remapped({"image": inputs["texture"], "map": Image(inputs["image"].pixels * np.float32(side))}, values)
+
+
 def round_about(inputs: Images, values: Values) -> Call:
     pixels = inputs["image"].pixels
     side = pixels.shape[0]
@@ -173,6 +184,8 @@ ROWS = (
         Peer("SciPy rotate, order 3", by_scipy, alone=True),), waves(4), {"method": "bicubic"}, 512, 128),
     Row("remap, bilinear, RGBA", "remap", {"border": "clamp"}, (Peer("OpenCV remap", remapped),), swirl,
         {"method": "bilinear"}, error_side=128),
+    Row("pixel_texture, linear, RGBA", "pixel_texture", {}, (Peer("OpenCV remap", looked_up),), by_texture,
+        error_side=128),
     Row("polar, bilinear, RGBA", "polar", lambda side: {"outer": side / 2, "direction": "forward"}, (
         Peer("OpenCV warpPolar", round_about, same=False),), waves(4), {"method": "bilinear"}, error_side=128),
     Row("lens_distort, undistort, bilinear, RGBA", "lens_distort", {"k": [-0.1]}, (

@@ -8,9 +8,11 @@
 // COMBINE is the step: 0 the sum, of samples multiplied by `scale`, 1 the smaller, 2 the larger; NANS is 0 where no sample
 // is NaN. Sample i of a line that begins before the image comes from sources[i]; -1 is the constant.
 //
-// both: both axes at once, for windows that private memory holds twice. Along a row, windows of one length are joined to
-//   windows of twice that, so that all lanes of a vector are at work; those of the lengths that add up to n are joined to
-//   the result. Down the image the rows that come out are taken as above.
+// both: both axes at once, for windows that private memory holds twice. Along rows of pixels of three or four
+//   channels, four rows abreast are taken as above, pixel by pixel, so that no step waits for the one before. Of
+//   other pixels, windows of one length are joined to windows of twice that, so that all lanes of a vector are at
+//   work; those of the lengths that add up to n are joined to the result. Down the image the rows that come out are
+//   taken as above.
 // down, across: one axis after the other, for larger windows.
 
 #include "numeric.clh"
@@ -19,21 +21,32 @@
 #define LANES 32
 #define STAGED 256
 #define GROUP 4
+#define ABREAST 4
+#define FEW 5 // samples that are joined one after the other
+
+#if defined(__clang__) && defined(__x86_64__)
+#define AS_WRITTEN _Pragma("clang loop vectorize(disable) interleave(disable)")
+#else
+#define AS_WRITTEN
+#endif
 
 #if COMBINE == 0
 #define JOIN(a, b) ((a) + (b))
 #define SAMPLE(v) ((v) * scale)
 #define NEXT(a, b) fma(b, (float16)(scale), a)
+#define NEXT8(a, b) fma(b, (float8)(scale), a)
 #define AFTER(v) ((v) * after)
 #elif COMBINE == 1
 #define JOIN(a, b) (NANS ? num_min(a, b) : (a) < (b) ? (a) : (b))
 #define SAMPLE(v) (v)
 #define NEXT(a, b) JOIN(a, b)
+#define NEXT8(a, b) JOIN(a, b)
 #define AFTER(v) (v)
 #else
 #define JOIN(a, b) (NANS ? num_max(a, b) : (a) < (b) ? (b) : (a))
 #define SAMPLE(v) (v)
 #define NEXT(a, b) JOIN(a, b)
+#define NEXT8(a, b) JOIN(a, b)
 #define AFTER(v) (v)
 #endif
 
@@ -57,7 +70,8 @@ STAGED_FN void along_few(const float *line, float *to, __global const float *ahe
     }
 }
 
-// Windows of n samples; what is on the line, `stride` floats, is lost.
+// Windows of n samples; what is on the line, `stride` floats, is lost. A compiler that made vectors of these vectors
+// would take them apart.
 STAGED_FN void along_many(float *line, float *to, __global const float *ahead, int tile, int stride, int channels, int n,
                           float scale, float after)
 {
@@ -70,6 +84,7 @@ STAGED_FN void along_many(float *line, float *to, __global const float *ahead, i
         int last = 2 * length > n;
         if (n & length) {
             const float *from = line + covered * channels;
+            AS_WRITTEN
             for (int i = 0; i < tile; i += 16) {
                 float16 v = vload16(0, from + i);
                 v = covered ? JOIN(vload16(0, to + i), v) : v;
@@ -79,8 +94,58 @@ STAGED_FN void along_many(float *line, float *to, __global const float *ahead, i
         }
         if (last)
             return;
+        AS_WRITTEN
         for (int i = 0; i < stride - 2 * (length - 1) * channels; i += 16)
             vstore16(JOIN(vload16(0, line + i), vload16(0, line + i + length * channels)), 0, line + i);
+    }
+}
+
+// A pixel of the lines `apart` floats one below the other, of the first two and of the other two.
+#define UPPER(at) (float8)(vload4(0, at), vload4(0, (at) + apart))
+#define LOWER(at) UPPER((at) + 2 * apart)
+
+STAGED_FN void put_abreast(float *const *to, int at, float8 upper, float8 lower)
+{
+    vstore4(upper.lo, 0, to[0] + at);
+    vstore4(upper.hi, 0, to[1] + at);
+    vstore4(lower.lo, 0, to[2] + at);
+    vstore4(lower.hi, 0, to[3] + at);
+}
+
+// Windows of n pixels of ABREAST lines. What a pixel of three channels has behind it is overwritten by the next.
+STAGED_FN void along_abreast(const float *lines, int apart, float *const *to, float *ends, int tile, int n, float scale,
+                             float after, const int channels)
+{
+    int pixels = (tile + channels - 1) / channels;
+    for (int x = 0; x < pixels; x += n) {
+        int count = min(n, pixels - x);
+        const float *p = lines + (x + n - 1) * channels;
+        float8 upper = SAMPLE(UPPER(p)), lower = SAMPLE(LOWER(p));
+        for (int i = n - 1; i >= count; i--) {
+            p -= channels;
+            upper = NEXT8(upper, UPPER(p));
+            lower = NEXT8(lower, LOWER(p));
+        }
+        for (int i = count - 1;; i--) {
+            vstore8(upper, 2 * i, ends);
+            vstore8(lower, 2 * i + 1, ends);
+            if (i == 0)
+                break;
+            p -= channels;
+            upper = NEXT8(upper, UPPER(p));
+            lower = NEXT8(lower, LOWER(p));
+        }
+        put_abreast(to, x * channels, AFTER(upper), AFTER(lower));
+        p = lines + (x + n) * channels;
+        upper = SAMPLE(UPPER(p));
+        lower = SAMPLE(LOWER(p));
+        for (int i = 1; i < count; i++) {
+            float8 a = JOIN(vload8(2 * i, ends), upper), b = JOIN(vload8(2 * i + 1, ends), lower);
+            put_abreast(to, (x + i) * channels, AFTER(a), AFTER(b));
+            p += channels;
+            upper = NEXT8(upper, UPPER(p));
+            lower = NEXT8(lower, LOWER(p));
+        }
     }
 }
 
@@ -96,23 +161,45 @@ __kernel void both(__global const float *restrict in, __global const int *restri
     if (x >= width || y >= height)
         return;
     float stage[STAGE] __attribute__((aligned(64))), line[MARGIN] __attribute__((aligned(64)));
+    float ends[(TILE / 3 + 1) * 4 * ABREAST] __attribute__((aligned(64)));
     // A pitch of a power of two would have rows fight for the same cache sets.
     int rows = min(band, height - y) + tall - 1, count = min(tile, width - x);
-    int pitch = tile + 16, whole = (width & 15) == 0;
+    int pitch = tile + 16, apart = stride + 16, whole = (width & 15) == 0;
+    // Rows that come too early may lie where the blocks begin: what was there has served.
+    int abreast = wide > FEW && tall > ABREAST && (channels == 3 || channels == 4) && ABREAST * apart <= MARGIN;
     float *begun = stage + 2 * tall * pitch;
     for (int r = 0; r < rows; r++) {
         int i = r % tall, odd = r / tall & 1;
         float *block = stage + odd * tall * pitch, *row = block + i * pitch;
-        __global const float *ahead = in + (size_t)max(sources[y + min(r + 1, rows - 1)], 0) * width;
+        int later = min(r + (abreast ? ABREAST : 1), rows - 1);
+        __global const float *ahead = in + (size_t)max(sources[y + later], 0) * width;
         ahead += clamp(x - reach, 0, max(width - tile, 0));
-        stage_row(line, in, beside, sources[y + r], x, reach, stride, width, value);
-        switch (wide) {
-        case 1: along_few(line, row, ahead, tile, channels, scale, after, 1); break;
-        case 2: along_few(line, row, ahead, tile, channels, scale, after, 2); break;
-        case 3: along_few(line, row, ahead, tile, channels, scale, after, 3); break;
-        case 4: along_few(line, row, ahead, tile, channels, scale, after, 4); break;
-        case 5: along_few(line, row, ahead, tile, channels, scale, after, 5); break;
-        default: along_many(line, row, ahead, tile, stride, channels, wide, scale, after);
+        if (abreast && r % ABREAST == 0) {
+            float *to[ABREAST];
+            #pragma unroll
+            for (int k = 0; k < ABREAST; k++) {
+                float *own = line + k * apart;
+                to[k] = r + k < rows ? stage + (r + k) % (2 * tall) * pitch : own;
+                stage_row(own, in, beside, sources[y + min(r + k, rows - 1)], x, reach, stride, width, value);
+            }
+            if (channels == 3)
+                along_abreast(line, apart, to, ends, tile, wide, scale, after, 3);
+            else
+                along_abreast(line, apart, to, ends, tile, wide, scale, after, 4);
+        }
+        if (abreast) {
+            for (int k = 0; k < stride; k += 16)
+                stream_ask(ahead + k);
+        } else {
+            stage_row(line, in, beside, sources[y + r], x, reach, stride, width, value);
+            switch (wide) {
+            case 1: along_few(line, row, ahead, tile, channels, scale, after, 1); break;
+            case 2: along_few(line, row, ahead, tile, channels, scale, after, 2); break;
+            case 3: along_few(line, row, ahead, tile, channels, scale, after, 3); break;
+            case 4: along_few(line, row, ahead, tile, channels, scale, after, 4); break;
+            case 5: along_few(line, row, ahead, tile, channels, scale, after, 5); break;
+            default: along_many(line, row, ahead, tile, stride, channels, wide, scale, after);
+            }
         }
         __global float *to = out + (size_t)(y + r - tall + 1) * width + x;
         if (i == tall - 1) {

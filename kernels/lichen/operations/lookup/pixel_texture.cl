@@ -145,7 +145,16 @@ ALONG(sum1, 0, one)
 #if DIMENSIONS == 1
 #define SUM sum1
 #elif DIMENSIONS == 2
+#if MADE == 4 && TAPS == 2
+// Two texels beside each other are one vector.
+LOOK_FN T sum2(global const float *p, const Taps *taps, const size_t *step, int i)
+{
+    float8 both = fma((float8)(taps->w[1][1][i]), vload8(0, p + step[1]), taps->w[1][0][i] * vload8(0, p));
+    return fma((T)(taps->w[0][1][i]), both.hi, taps->w[0][0][i] * both.lo);
+}
+#else
 ALONG(sum2, 1, sum1)
+#endif
 #define SUM sum2
 #elif DIMENSIONS == 3
 ALONG(sum2, 1, sum1)
@@ -194,18 +203,20 @@ T anywhere(global const float *restrict texels, const Taps *taps, global const i
     return total;
 }
 
-kernel void lookup(global const float *restrict in, global const float *restrict texels, global float *restrict out,
-                   global const REAL *restrict n, global const int *restrict sizes, int channels, int made, int unit,
-                   int projective, int before, int after, ulong pixels)
-{
-    ulong first = get_global_id(0) * (ulong)SEGMENT;
-    if (first >= pixels)
-        return;
-    int count = (int)min(pixels - first, (ulong)SEGMENT), behind[SEGMENT], nan[SEGMENT], easy[SEGMENT];
-    float background = (float)n[28];
-    REAL y[MOST][SEGMENT];
+// What is found of a segment before texels come: `quick` where all of its pixels are easy.
+typedef struct {
     Taps taps;
-    locate(y, in + first * channels, n, channels, projective, before, after, count);
+    int place[SEGMENT], behind[SEGMENT], nan[SEGMENT], easy[SEGMENT], quick;
+} Found;
+
+// `count` pixels of the image lie from `in` on; two texels along axis k lie step[k] floats apart.
+LOOK_FN void find(Found *found, global const float *restrict in, global const float *restrict texels,
+                  global const REAL *restrict n, global const int *restrict sizes, int channels, int unit,
+                  int projective, int before, int after, int count, const size_t *step)
+{
+    REAL y[MOST][SEGMENT];
+    int *behind = found->behind, *nan = found->nan, *easy = found->easy, *place = found->place;
+    locate(y, in, n, channels, projective, before, after, count);
     EACH behind[i] = nan[i] = 0;
     if (projective) {
         const int last = DIMENSIONS < MOST ? DIMENSIONS : 0;
@@ -215,42 +226,72 @@ kernel void lookup(global const float *restrict in, global const float *restrict
     }
     EACH easy[i] = !behind[i] & (i < count);
     for (int k = 0; k < DIMENSIONS; k++)
-        split(&taps, k, y[k], nan, easy, sizes[k], unit);
-    size_t step[MOST];
-    int place[SEGMENT], apart = 1;
-    EACH place[i] = taps.cell[0][i];
-    step[0] = made;
+        split(&found->taps, k, y[k], nan, easy, sizes[k], unit);
+    int apart = 1, quick = 1;
+    EACH place[i] = found->taps.cell[0][i];
     for (int k = 1; k < DIMENSIONS; k++) {
         apart *= sizes[k - 1];
-        step[k] = (size_t)apart * made;
-        EACH place[i] += (int)((uint)apart * (uint)taps.cell[k][i]);
+        EACH place[i] += (int)((uint)apart * (uint)found->taps.cell[k][i]);
     }
-    int quick = 1;
     EACH quick &= easy[i];
-    out += first * made;
-#if MADE
+    found->quick = quick;
+#if MADE && DIMENSIONS == 2
     if (quick) {
-#if DIMENSIONS == 2
+        global const float *last = texels + (TAPS - 1) * (step[0] + step[1]);
         EACH {
             stream_ask(texels + (size_t)place[i] * MADE);
-            stream_ask(texels + (size_t)place[i] * MADE + (TAPS - 1) * (step[0] + step[1]));
+            stream_ask(last + (size_t)place[i] * MADE);
         }
-#endif
-        EACH {
-            const T sum = SUM(texels + (size_t)place[i] * MADE, &taps, step, i);
-            STORE(sum, out + i * MADE, pixels * MADE);
-        }
-        return;
     }
 #endif
-    for (int i = 0; i < count; i++)
-        for (int c = 0; c < (MADE ? 1 : made); c++)
-            if (easy[i])
-                STORE(summed(texels + (size_t)place[i] * made + c, &taps, step, i), out + (size_t)i * made + c, 0);
-            else {
-                T value = nan[i] ? (T)(NAN) : (T)(background);
-                if (!nan[i] & !behind[i])
-                    value = anywhere(texels, &taps, sizes, made, c, background, i);
-                STORE(value, out + (size_t)i * made + c, 0);
+}
+
+// A work-item does ROWS segments, a definition given at build time, one below the other, which share most of their
+// texels, and finds each while the texels of the one before come from memory: they lie apart, where no processor sees them
+// coming.
+kernel void lookup(global const float *restrict in, global const float *restrict texels, global float *restrict out,
+                   global const REAL *restrict n, global const int *restrict sizes, int channels, int made, int unit,
+                   int projective, int before, int after, int width, int height)
+{
+    int column = get_global_id(0) * SEGMENT, begin = get_global_id(1) * ROWS, end = min(begin + ROWS, height);
+    if (column >= width || begin >= end)
+        return;
+    int count = min(SEGMENT, width - column);
+    ulong pixels = (ulong)width * height;
+    float background = (float)n[28];
+    size_t step[MOST];
+    step[0] = made;
+    for (int k = 1; k < DIMENSIONS; k++)
+        step[k] = step[k - 1] * sizes[k - 1];
+    Found both[2];
+    for (int ahead = begin; ahead <= end; ahead++) {
+        if (ahead < end)
+            find(both + (ahead & 1), in + ((size_t)ahead * width + column) * channels, texels, n, sizes, channels, unit,
+                 projective, before, after, count, step);
+        if (ahead == begin)
+            continue;
+        const Found *here = both + (~ahead & 1);
+        const Taps *taps = &here->taps;
+        global float *to = out + ((size_t)(ahead - 1) * width + column) * made;
+        const int *place = here->place;
+#if MADE
+        if (here->quick) {
+            EACH {
+                const T sum = SUM(texels + (size_t)place[i] * MADE, taps, step, i);
+                STORE(sum, to + i * MADE, pixels * MADE);
             }
+            continue;
+        }
+#endif
+        for (int i = 0; i < count; i++)
+            for (int c = 0; c < (MADE ? 1 : made); c++)
+                if (here->easy[i])
+                    STORE(summed(texels + (size_t)place[i] * made + c, taps, step, i), to + (size_t)i * made + c, 0);
+                else {
+                    T value = here->nan[i] ? (T)(NAN) : (T)(background);
+                    if (!here->nan[i] & !here->behind[i])
+                        value = anywhere(texels, taps, sizes, made, c, background, i);
+                    STORE(value, to + (size_t)i * made + c, 0);
+                }
+    }
 }

@@ -65,6 +65,11 @@ if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
 FLOAT_MAX = float(np.finfo(np.float32).max)
+SEGMENT, GROUP, ROWS = 64, 16, 8
+"""Pixels of a segment, segments of a work-group, and of an item on a processor: while it sums one, texels of the next
+are on their way. Where thousands of items run at once, they wait for one another's, and each does one."""
+NARROW = 256
+"""Columns below which an image is taken as one row, so that segments are whole."""
 BLOCK = 1 << 14
 """Pixels that the NumPy body takes at once."""
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -313,20 +318,20 @@ def _launched(device: Device, inputs: Inputs, p: Parameters, real: type[np.float
     shape = np.zeros(2 * MOST, np.int32)
     shape[: len(sizes)], shape[MOST : MOST + len(borders)] = sizes, borders
     entries = [0 if each is None else each.shape[1] for each in (path.before, path.after)]
-    pixels = image.height * image.width
-    out = aligned_empty((image.height, image.width, texture.channels))
+    flat = image.width < NARROW
+    width, height = (image.width * image.height, 1) if flat else (image.width, image.height)
+    out, own = aligned_empty((image.height, image.width, texture.channels)), ROWS if device.is_cpu else 1
     defines: dict[str, int | float | str] = {
         "REAL": "double" if real is np.float64 else "float", "DIMENSIONS": p.dimensions, "TAPS": TAPS[p.filter],
-        "MADE": texture.channels if texture.channels in (1, 3, 4) else 0,
+        "MADE": texture.channels if texture.channels in (1, 3, 4) else 0, "ROWS": own,
     }  # fmt: skip
     with device.session() as session:
         session.launch(
-            "lookup/pixel_texture.cl", "lookup", (-(-pixels // 64),),
+            "lookup/pixel_texture.cl", "lookup", (-(-width // SEGMENT), -(-height // own)),
             aligned(image.pixels), aligned(texture.pixels), session.write(out), aligned(numbers, real),
             aligned(shape, np.int32), np.int32(image.channels), np.int32(texture.channels),
             np.int32(p.units is Units.UNIT), np.int32(p.projective), *(np.int32(each) for each in entries),
-            np.uint64(pixels),
-            defines=defines,
+            np.int32(width), np.int32(height), local=(1, GROUP // own), defines=defines,
         )  # fmt: skip
     return out
 

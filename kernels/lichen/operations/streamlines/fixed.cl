@@ -4,6 +4,10 @@
 
 #include "texels.clh"
 
+/* The nearest whole number, halves to the even one, of what is far below 2^22; without a call, which a loop would make
+ * pixel by pixel. */
+inline float nearest_code(float x) { return (x + 0x1.8p+23f) - 0x1.8p+23f; }
+
 kernel void advance_codes(global const float *restrict codes, global const float *restrict texture,
                           global const float *restrict weights, global float *restrict result, int width, int height,
                           int texture_width, int texture_height, int stride, int channel, int count, float step, float top,
@@ -34,8 +38,8 @@ kernel void advance_codes(global const float *restrict codes, global const float
     for (int way = 0; way < 2; ++way) {
         global const float *k = weights + way * (count + 1);
         EACH {
-            at.x[i] = rint(centre.x[i] / wide * top);
-            at.y[i] = rint(centre.y[i] / tall * top);
+            at.x[i] = nearest_code(centre.x[i] / wide * top);
+            at.y[i] = nearest_code(centre.y[i] / tall * top);
         }
         for (int j = 0; j <= count; ++j) {
             if (j) {
@@ -44,17 +48,24 @@ kernel void advance_codes(global const float *restrict codes, global const float
                     place.y[i] = at.y[i] / top * tall - 0.5f;
                 }
                 locate(&p, &place, zeros, 0, width, height);
+                Vectors ahead, behind;
                 EACH {
                     const int right = p.x[i] > 0.0f ? 4 : 0;
                     global const float *u = codes + 4 * (size_t)p.cell[i], *v = codes + 4 * (size_t)p.below[i];
                     const float4 a = vload4(0, u), b = vload4(0, u + right), c = vload4(0, v), d = vload4(0, v + right);
                     const float4 upper = a + p.x[i] * (b - a), lower = c + p.x[i] * (d - c);
                     const float4 move = upper + p.y[i] * (lower - upper);
-                    const float2 ahead = way ? move.zw : move.xy, behind = way ? move.xy : move.zw;
-                    const float x = within(rint(at.x[i] + unit_x * ahead.x), 0.0f, top);
-                    const float y = within(rint(at.y[i] + unit_y * ahead.y), 0.0f, top);
-                    at.x[i] = within(rint(x - unit_x * behind.x), 0.0f, top);
-                    at.y[i] = within(rint(y - unit_y * behind.y), 0.0f, top);
+                    ahead.x[i] = move.x;
+                    ahead.y[i] = move.y;
+                    behind.x[i] = move.z;
+                    behind.y[i] = move.w;
+                }
+                const Vectors *first_ = way ? &behind : &ahead, *then = way ? &ahead : &behind;
+                EACH {
+                    const float x = within(nearest_code(at.x[i] + unit_x * first_->x[i]), 0.0f, top);
+                    const float y = within(nearest_code(at.y[i] + unit_y * first_->y[i]), 0.0f, top);
+                    at.x[i] = within(nearest_code(x - unit_x * then->x[i]), 0.0f, top);
+                    at.y[i] = within(nearest_code(y - unit_y * then->y[i]), 0.0f, top);
                 }
             }
             Vectors q;
@@ -66,10 +77,12 @@ kernel void advance_codes(global const float *restrict codes, global const float
             }
             locate(&p, &q, zeros, 0, texture_width, texture_height);
             sample(texel, texture, stride, &p, texture_width, texture_height);
+            const float by = k[j];
             EACH {
                 const float x = fabs(place.x[i] - centre.x[i]), y = fabs(place.y[i] - centre.y[i]);
-                const float share = x <= far && y <= far && rests[i] == 0.0f ? k[j] : 0.0f;
-                sum[i] += share != 0.0f ? share * (texel[i] - own[i]) : 0.0f;
+                const float share = (x <= far) & (y <= far) & (rests[i] == 0.0f) ? by : 0.0f;
+                const float piece = share * (texel[i] - own[i]);
+                sum[i] += share != 0.0f ? piece : 0.0f;
                 weight[i] += share;
             }
         }

@@ -72,7 +72,8 @@ inline T mixed(T sharp, T soft, float t) {
                 sharp[i] = taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i); \
         for (int i = 0; i < count; ++i)                                                                                \
             if (!easy[i] && blend[i] < 1.0f)                                                                           \
-                sharp[i] = seen[i] ? taps6_anywhere(&picture, column[i], line[i], &across, &down, i) : (T)(value);     \
+                sharp[i] = seen[i] ? taps6_anywhere(&picture, column[i], line[i], fx[i], fy[i], &across, &down, i)     \
+                                   : (T)(value);                                                                       \
     }                                                                                                                  \
     int large[SEGMENT];                                                                                                \
     EACH large[i] = beyond(&picture, &shapes, i);                                                                      \
@@ -91,33 +92,60 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
     if (shrinking) {
         Ellipses at;
         place(&at, x, y, &shapes, levels, samples, reach);
-        const float limit = reach * reach;
-        int way[SEGMENT]; /* 0: nothing to do, 1: small, 2: inside, 3: near the border, 4: wholly beyond a constant one */
+        const float limit = reach * reach, cut = 0.9999f * num_exp(-2.0f * limit); /* what lies on the rim is inside */
+        /* 0: nothing to do, 1: small, 2: inside, 3: near the border, 4: wholly beyond a constant one, 5: tiny,
+         * 6: one of these, with what is not finite beside the ellipse or in it */
+        int way[SEGMENT];
+        int wide[SEGMENT], tall[SEGMENT], deep = 0;
         EACH {
-            const int level = at.level[i], wide = level ? sizes[3 * level + 1] : columns;
-            const int tall = level ? sizes[3 * level + 2] : rows;
-            const float left = (float)at.column[i] + floor(at.fx[i] - at.wide[i]);
+            deep |= at.level[i];
+            wide[i] = columns;
+            tall[i] = rows;
+        }
+        if (deep)
+            EACH {
+                const int level = at.level[i];
+                wide[i] = level ? sizes[3 * level + 1] : columns;
+                tall[i] = level ? sizes[3 * level + 2] : rows;
+            }
+        EACH {
+            const float from = at.fx[i] - at.wide[i], above = at.fy[i] - at.tall[i];
+            const float left = (float)at.column[i] + (float)whole_below(from > -1e9f ? from : -1e9f);
             const float right = (float)at.column[i] + at.fx[i] + at.wide[i] + 8.0f;
-            const float top = (float)at.row[i] + floor(at.fy[i] - at.tall[i]);
+            const float top_ = (float)at.row[i] + (float)whole_below(above > -1e9f ? above : -1e9f);
             const float bottom = (float)at.row[i] + at.fy[i] + at.tall[i] + 1.0f;
-            const int inside = (left >= 0.0f) & (top >= 0.0f) & (right < (float)wide) & (bottom < (float)tall);
-            const int small = at.wide[i] <= 3.5f;
-            const int beside = (left >= (float)wide) | (top >= (float)tall) | (right < 8.0f) | (bottom < 1.0f);
+            const float most = (float)wide[i], lowest = (float)tall[i];
+            const int inside = (left >= 0.0f) & (top_ >= 0.0f) & (right < most) & (bottom < lowest);
+            const int small = at.wide[i] <= TINY, tiny = small & (at.tall[i] <= TINY);
+            const int beside = (left >= most) | (top_ >= lowest) | (right < 8.0f) | (bottom < 1.0f);
             const int edge = (border == BORDER_CONSTANT) & beside ? 4 : 3;
-            way[i] = large[i] | !(blend[i] > 0.0f) ? 0 : (inside ? 2 - small : edge);
+            way[i] = large[i] | !(blend[i] > 0.0f) ? 0 : (inside ? (tiny ? 5 : 2 - small) : edge);
+        }
+        for (int i = 0; i < count; ++i) {
+            if (way[i] != 5) continue;
+            const int level = at.level[i], left = at.column[i] + whole_above(at.fx[i] - at.wide[i]);
+            global const float *from = level ? pyramid + (size_t)CHANNELS * sizes[3 * level] : pixels;
+            from += CHANNELS * ((at.row[i] + whole_above(at.fy[i] - at.tall[i])) * (size_t)wide[i] + left);
+            soft[i] = ellipse_tiny(from, CHANNELS * (size_t)wide[i], &at, i, cut);
+            if (!finite(soft[i])) way[i] = 6;
         }
         for (int i = 0; i < count; ++i) {
             if (way[i] != 1 && way[i] != 2) continue;
             const int level = at.level[i];
             global const float *from = level ? pyramid + (size_t)CHANNELS * sizes[3 * level] : pixels;
-            const int wide = level ? sizes[3 * level + 1] : columns;
-            soft[i] = way[i] == 1 ? ellipse_small(from, wide, &at, i, limit) : ellipse_inside(from, wide, &at, i, limit);
-            if (!finite(soft[i])) way[i] = 3;
+            soft[i] = way[i] == 1 ? ellipse_small(from, wide[i], &at, i, limit)
+                                  : ellipse_inside(from, wide[i], &at, i, limit);
+            if (!finite(soft[i])) way[i] = 6;
         }
         for (int i = 0; i < count; ++i) {
             if (way[i] == 4) soft[i] = (T)(value);
-            if (way[i] != 3) continue;
+            if (way[i] != 3 && way[i] != 6) continue;
             const Picture taken = level_of(&picture, pyramid, sizes, at.level[i]);
+            const int tiny = at.wide[i] <= TINY && at.tall[i] <= TINY;
+            if (way[i] == 3 && (tiny || border < BORDER_RING)) {
+                soft[i] = tiny ? ellipse_beyond(&taken, &at, i, cut) : ellipse_across(&taken, &at, i, limit);
+                if (finite(soft[i])) continue;
+            }
             soft[i] = ellipse_anywhere(&taken, &at, i, limit);
         }
     }

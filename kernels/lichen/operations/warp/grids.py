@@ -38,7 +38,8 @@ class Sampled(Map):
 
     def recipe(self) -> Recipe:
         x, y = self.told
-        return Recipe("warp/grids.cl", (self.given.shape[2], *x.numbers, *y.numbers), self.given)
+        height, width, channels = self.given.shape
+        return Recipe("warp/grids.cl", (channels, width, height, *x.numbers, *y.numbers), self.given, plain=True)
 
     @cached_property
     def both(self) -> tuple[Doubles, Doubles]:
@@ -58,14 +59,15 @@ class Sampled(Map):
         return x[rows, columns], y[rows, columns]
 
     def places(self, u: Doubles, v: Doubles) -> Places:
+        """Of neighbours in the whole picture, whatever part of it the pixels are."""
         x, y = self.at(u[np.newaxis, :], v[:, np.newaxis])
-        first, end = int(v[0]), int(v[-1]) + 1
-        low, high = max(first - 1, 0), min(end + 1, self.given.shape[0])
+        rows, columns = slice(int(v[0]), int(v[-1]) + 1), slice(int(u[0]), int(u[-1]) + 1)
+        low, high = max(rows.start - 1, 0), min(rows.stop + 1, self.given.shape[0])
         steps = []
         for axis in (1, 0):
             for whole in self.both:
                 change = _slopes(whole[low:high], axis)
-                steps.append(change[first - low : end - low])
+                steps.append(change[rows.start - low : rows.stop - low, columns])
         return Places(x, y, *steps)
 
 

@@ -1,8 +1,9 @@
 """Warps on an OpenCL device: the launches of taps.cl, area.cl and layout.cl, and of the maps' own kernels.
 
-The places of a projective map are nine numbers, and the kernels of the filters find them as they go. Those of every
-other map come from its own kernel, one for each operation, which writes them as a table for a band of rows; then the
-filter, one for all operations, runs over that band.
+The places of a projective map are nine numbers, and the kernels of the filters find them as they go; those that a
+picture gives they read there. Those of every other map come from its own kernel, one for each operation, which writes
+them as a table for a band of rows; then the filter, one for all operations, runs over that band. Tables are also what
+filters of footprints take of a picture of places.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ def built_for(channels: int) -> dict[str, int]:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """The places of some rows of a result on the device: nine numbers and the corners of two parts, or tables
-    of coordinates and of their steps."""
+    """The places of some rows of a result on the device: nine numbers and the corners of two parts, a picture that
+    gives them with its numbers, or tables of coordinates and of their steps."""
 
     top: int
     rows: int
@@ -49,6 +50,7 @@ class Band:
     matrix: Array | None = None
     table: Array | None = None
     steps: Array | None = None
+    given: Array | None = None
 
     @property
     def grid(self) -> tuple[int, int]:
@@ -74,6 +76,9 @@ def bands(session: Session, map_: Map, width: int, height: int, *, steps: bool) 
     corner = map_.result if isinstance(map_, Windowed) else (0, 0)
     numbers = aligned(np.concatenate([map_.periods, recipe.numbers]), np.float64)
     given = None if recipe.given is None else aligned(recipe.given)
+    if recipe.plain and not steps and not any(corner):
+        yield Band(0, height, width, matrix=numbers, given=given)
+        return
     rows = min(height, max(GROUP[1], BAND // width // GROUP[1] * GROUP[1]))
     table = session.scratch((rows, width, 2), np.float64)
     along = session.scratch((rows, width, 4)) if steps else None
@@ -156,8 +161,8 @@ def sampled(
             for channel, pixels in pictures:
                 columns, rows = band.grid
                 session.launch(
-                    "warp/taps.cl", kernel, (columns, -(-rows // own)), band.matrix, band.table, *band.size, pixels,
-                    *blocks.picture, np.int32(around), session.readwrite(out), np.int32(out.shape[2]),
+                    "warp/taps.cl", kernel, (columns, -(-rows // own)), band.matrix, band.table, band.given, *band.size,
+                    pixels, *blocks.picture, np.int32(around), session.readwrite(out), np.int32(out.shape[2]),
                     np.int32(channel), *further, local=(1, GROUP[1] // own), defines=blocks.defines | {"ROWS": own},
                 )  # fmt: skip
     return out

@@ -70,12 +70,12 @@ class Bent(Map):
         self.focal = p.focal or math.hypot(*source) / 2
 
     def recipe(self) -> Recipe:
-        p, radial = self.p, self.p.lens.radial
+        p = self.p
         (cx, cy), (width, height), (wide, tall) = p.centre, self.target, self.source
         farthest = math.hypot(max(cx, 1 - cx) * width + 1, max(cy, 1 - cy) * height + 1) / self.focal
         distorts = p.direction is Direction.UNDISTORT
         start = (list(Model).index(p.model), distorts, self.focal, cx * width, cy * height, cx * wide, cy * tall)
-        return Recipe("warp/lens_distort.cl", [*start, *p.lens.p, *radial.numbers(p.k, farthest)])
+        return Recipe("warp/lens_distort.cl", [*start, *p.lens.p, *p.lens.numbers(farthest)])
 
     def counted(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
         """Places of the result in focal lengths from the centre of distortion."""

@@ -25,6 +25,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 
 import numpy as np
 
@@ -158,9 +159,11 @@ class Lens:
     @property
     def radial(self) -> Rising:
         """From |u| to |d|, or for the division model from |d| to |u|, or for kannala_brandt from theta to |d|."""
-        if self.model is Model.DIVISION:
-            return division(self.k)
-        return odd_polynomial(self.k, WIDEST if self.model is Model.KANNALA_BRANDT else math.inf)
+        return _radial(self.model, self.k)
+
+    def numbers(self, largest: float) -> tuple[float, ...]:
+        """See `Rising.numbers`; kept, since pictures of one lens come one after the other."""
+        return _numbers(self, largest)
 
     def answers(self, r: Doubles, *, distorts: bool) -> Doubles:
         """Whether places at these radii have a distorted, or an undistorted, place; without tangential terms."""
@@ -265,3 +268,15 @@ def _scaled(x: Doubles, y: Doubles, r: Doubles, to: Doubles) -> tuple[Doubles, D
     """The point moved along its ray from radius r to another; the centre stays."""
     factor = np.divide(to, r, out=np.where(np.isnan(to), np.nan, np.ones_like(r)), where=r > 0)
     return x * factor, y * factor
+
+
+@lru_cache(64)
+def _radial(model: Model, k: tuple[float, ...]) -> Rising:
+    if model is Model.DIVISION:
+        return division(k)
+    return odd_polynomial(k, WIDEST if model is Model.KANNALA_BRANDT else math.inf)
+
+
+@lru_cache(16)
+def _numbers(lens: Lens, largest: float) -> tuple[float, ...]:
+    return tuple(lens.radial.numbers(lens.k, largest))

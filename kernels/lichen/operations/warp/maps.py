@@ -51,6 +51,8 @@ class Recipe:
     """what the kernel's `p` holds behind the periods"""
     given: Array | None = field(default=None)
     """a picture that it reads, float32"""
+    plain: bool = False
+    """whether the filters that take no footprint read that picture themselves, as given.clh says"""
 
 
 class Map:

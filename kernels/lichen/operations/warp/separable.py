@@ -12,7 +12,7 @@ weight for its value. Weights are exact to float64, and so few samples have any 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -58,7 +58,7 @@ class Axis:
         index = np.clip(self.index[some] - np.int32(start), 0, length - 1)
         return Axis(index, self.weights[some], self.constant[some])
 
-    @property
+    @cached_property
     def reach(self) -> tuple[Whole, Whole]:
         """Of each sample of the result: the first of the source that it takes, and the one after the last."""
         return self.index.min(axis=1), self.index.max(axis=1) + np.int32(1)

@@ -1,13 +1,14 @@
 /* Warps that take one interpolated value for each pixel: nearest, bilinear, and kernels of 4 or 6 samples.
- * Arguments: `matrix` or `table`, whichever is not null; the width of the result, its first row in the table and how many
- * there are; the picture, and how many samples were put around it; where to write. */
+ * Arguments: `matrix` or `table`, whichever is not null, or `given`, a picture of places, with its numbers as
+ * `matrix`; the width of the result, its first row in the table and how many there are; the picture, and how many
+ * samples were put around it; where to write. */
 
 #include "taps.clh"
 
 #define ARGUMENTS                                                                                                      \
-    global const double *restrict matrix, global const double *restrict table, int width, int top, int height,         \
-        global const float *restrict pixels, int columns, int rows, int border, float value, int around,               \
-        global float *restrict out, int stride, int channel
+    global const double *restrict matrix, global const double *restrict table, global const float *restrict given,     \
+        int width, int top, int height, global const float *restrict pixels, int columns, int rows, int border,        \
+        float value, int around, global float *restrict out, int stride, int channel
 
 /* Cells and fractions of a segment, and whether no pixel of it needs care, which is so almost everywhere: then it is
  * sampled without a branch. */
@@ -28,8 +29,8 @@ typedef struct {
 #define FIND_NEXT(half_, before, taps)                                                                                 \
     if (ahead < end) {                                                                                                 \
         Found *next = found + (ahead & 1);                                                                             \
-        next->quick = find_quick(next->column, next->line, next->fx, next->fy, matrix, table, first, top + ahead,      \
-                                 ahead, width, half_, around, before, taps, &picture);                                 \
+        next->quick = find_quick(next->column, next->line, next->fx, next->fy, matrix, table, given, first,            \
+                                 top + ahead, ahead, width, half_, around, before, taps, &picture);                    \
         if (next->quick) ask(next->column, next->line, before, taps - 1 - before, &picture);                           \
     }                                                                                                                  \
     if (ahead == begin) continue;                                                                                      \
@@ -50,8 +51,12 @@ typedef struct {
 #define FIND                                                                                                           \
     double x[SEGMENT], y[SEGMENT];                                                                                     \
     int seen[SEGMENT], easy[SEGMENT];                                                                                  \
-    locate(x, y, matrix, table, first, row, below, width);                                                             \
-    from_corner(x, y, matrix);                                                                                         \
+    if (given) {                                                                                                       \
+        given_places(x, y, matrix, given, first, row);                                                                 \
+    } else {                                                                                                           \
+        locate(x, y, matrix, table, first, row, below, width);                                                         \
+        from_corner(x, y, matrix);                                                                                     \
+    }                                                                                                                  \
     EACH {                                                                                                             \
         x[i] += around;                                                                                                \
         y[i] += around;                                                                                                \
@@ -93,20 +98,22 @@ kernel void linear(ARGUMENTS) {
     EACH_ROW {
         FIND_NEXT(0.5, 0, 2)
         if (here->quick) {
-            WRITE_ALL(bilinear_inside(&picture, column[i], line[i], fx[i], fy[i]))
+            WRITE_ALL(bilinear_between(pixels + line[i] * pitch + CHANNELS * column[i], pitch, fx[i], fy[i]))
             continue;
         }
         FIND
         SPLIT
         find_easy(easy, seen, column, line, fx, fy, 0, 2, &picture);
-        WRITE(easy, bilinear_inside(&picture, column[i], line[i], fx[i], fy[i]),
+        WRITE(easy, bilinear_between(pixels + line[i] * pitch + CHANNELS * column[i], pitch, fx[i], fy[i]),
               bilinear(&picture, column[i], line[i], fx[i], fy[i]))
     }
 }
 
-inline T taps4_anywhere(const Picture *picture, int column, int row, const Four *across, const Four *down, int i) {
+inline T taps4_anywhere(const Picture *picture, int column, int row, float fx, float fy, const Four *across,
+                        const Four *down, int i) {
     const float wx[4] = {across->w[0][i], across->w[1][i], across->w[2][i], across->w[3][i]};
     const float wy[4] = {down->w[0][i], down->w[1][i], down->w[2][i], down->w[3][i]};
+    if (open_between(picture, fx, fy)) return taps_beyond(picture, column - 1, row - 1, 4, wx, wy);
     return taps_anywhere(picture, column - 1, row - 1, 4, wx, wy);
 }
 
@@ -127,7 +134,7 @@ kernel void four(ARGUMENTS, int kind) {
         weigh4(&down, fy, kind);
         find_easy(easy, seen, column, line, fx, fy, 1, 4, &picture);
         WRITE(easy, taps4(pixels + (line[i] - 1) * pitch + CHANNELS * (column[i] - 1), pitch, &across, &down, i),
-              taps4_anywhere(&picture, column[i], line[i], &across, &down, i))
+              taps4_anywhere(&picture, column[i], line[i], fx[i], fy[i], &across, &down, i))
     }
 }
 
@@ -148,6 +155,6 @@ kernel void six(ARGUMENTS) {
         weigh6(&down, fy);
         find_easy(easy, seen, column, line, fx, fy, 2, 6, &picture);
         WRITE(easy, taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i),
-              taps6_anywhere(&picture, column[i], line[i], &across, &down, i))
+              taps6_anywhere(&picture, column[i], line[i], fx[i], fy[i], &across, &down, i))
     }
 }

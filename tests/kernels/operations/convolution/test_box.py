@@ -84,3 +84,18 @@ def test_anchor_outside_is_named() -> None:
     with pytest.raises(InvalidRequest) as caught:
         lichen.run("box", np.ones((4, 4), np.float32), width=3, height=2, anchor=[1, 2])
     assert [flaw.pointer for flaw in caught.value.flaws] == ["/parameters/anchor"]
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize(("width", "height"), [(6, 5), (41, 17), (130, 9)])
+def test_pixels_of_several_channels_have_the_windows_of_each(channels: int, width: int, height: int) -> None:
+    """Rows that are done abreast, on tiles whose edges cut pixels, against channels that are done by halves."""
+    pixels = np.random.default_rng(7).random((70, 401, channels), dtype=np.float32)
+    pixels[33, 170, 1], pixels[50, 399, 2] = np.nan, np.inf
+    for operation, values in (("box", {"method": "running"}), ("morphology", {"step": "dilate"})):
+        asked = {"width": width, "height": height, "border": "reflect101", "device": "opencl", **values}
+        found = lichen.run(operation, pixels, **asked).image.pixels
+        for channel in range(channels):
+            single = lichen.run(operation, np.ascontiguousarray(pixels[..., channel]), **asked).image.pixels
+            rounding = 1e-6 if operation == "box" else 0.0
+            np.testing.assert_allclose(found[..., channel], single[..., 0], atol=rounding, rtol=0)

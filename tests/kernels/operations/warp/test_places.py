@@ -12,10 +12,11 @@ from lichen.image import as_image
 from lichen.memory import aligned, aligned_empty
 from lichen.opencl.device import Device, default_device
 from lichen.opencl.programs import compose
-from lichen.operation import Inputs
+from lichen.operation import Border, Inputs
 from lichen.operations.warp import displace, launch, lens_distort, mesh, panorama, polar, remap, thin_plate
 from lichen.operations.warp.charts import SHAPE, Chart
-from lichen.operations.warp.maps import Map, Places
+from lichen.operations.warp.maps import Map, Places, Windowed
+from lichen.operations.warp.reference import Source
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +93,23 @@ def test_places_of_a_device_are_those_of_the_definition(
     map_ = thin_plate.Bending(thin_plate._plate(p)) if module is thin_plate else module._map(p, inputs)
     assert map_.recipe() is not None
     hold(device, map_, WIDE, TALL)
+
+
+@pytest.mark.parametrize(("module", "parameters"), [(displace, {"amplitude": 5}), (remap, {"units": "unit"})])
+def test_a_part_of_what_a_picture_gives_is_that_of_the_whole(
+    device: Device, monkeypatch: pytest.MonkeyPatch, module: Any, parameters: Mapping[str, Any]
+) -> None:
+    """Its places and steps, also at its edges; and the filters that read the picture themselves."""
+    picture = RANDOM.random((TALL, WIDE, 4), np.float32)
+    inputs: Inputs = {"image": as_image(picture), "map": as_image(GIVEN)}
+    whole = module._map(module.Parameters.model_validate(parameters), inputs)
+    part, source = Windowed(whole, (37, 21), (0, 0)), Source(picture, Border.CLAMP, 0.0)
+    for kernel in ("nearest", "linear"):
+        all_of_it = launch.sampled(device, source, whole, (WIDE, TALL), kernel)
+        made = launch.sampled(device, source, part, (70, 40), kernel)
+        np.testing.assert_array_equal(made, all_of_it[21:61, 37:107])
+    monkeypatch.setattr(launch, "BAND", 1)
+    hold(device, part, 70, 40)
 
 
 @pytest.mark.parametrize("source", list(Chart))

@@ -161,3 +161,15 @@ def test_an_ellipse_beside_a_hole_does_not_see_it(channels: int, turn: float) ->
     ours, plain = (lichen.run("affine", pixels, device=each, **given).image.pixels for each in ("opencl", "numpy"))
     np.testing.assert_array_equal(np.isfinite(ours), np.isfinite(plain))
     assert 0 < (~np.isfinite(ours)).sum() < 130 * channels
+
+
+@pytest.mark.parametrize("border", list(Border))
+@pytest.mark.parametrize("size", [(31, 40), (9, 8), (3, 10)])
+def test_ellipses_of_all_sizes_weigh_what_they_hold(border: Border, size: tuple[int, int]) -> None:
+    """Tiny ones by powers, those across a border eight at a time, cut at any radius: as NumPy does, one by one."""
+    pixels = np.random.default_rng(3).random((*size, 4), dtype=np.float32)
+    for shrunk, samples in ((0.95, 1), (0.9, 4), (0.5, 2), (0.2, 4)):
+        given = {"matrix": [[shrunk, 0.05, 1], [-0.1, shrunk, -2], [1e-3, 1e-3, 1]], "width": 30, "height": 24}
+        asked = {**given, "method": "ewa", "samples": samples, "border": border, "value": 0.3}
+        ours, plain = (lichen.run("homography", pixels, device=on, **asked).image.pixels for on in ("opencl", "numpy"))
+        np.testing.assert_allclose(ours, plain, atol=2e-6, rtol=0)
