@@ -2,7 +2,7 @@
 
 Every call runs once before it counts, which builds programs, and once more, which tells how often it fits into a turn:
 quick ones run several times, since single calls scatter more. Turns are repeated as often as an `Effort` affords: where
-calls take long, fewer runs know them as well.
+calls take long, fewer runs know them as well, and one that takes by itself as long as all rounds should is run no more.
 """
 
 from __future__ import annotations
@@ -65,12 +65,14 @@ def timed(calls: Mapping[str, Call], effort: Effort) -> dict[str, Timed]:
         except FAILURES as failure:
             found[name] = Timed(math.nan, failed=brief(failure))
             continue
-        first[name], repeats[name] = took, max(1, min(REPEATS, int(effort.turn / (took + 1e-6))))
+        first[name] = took
+        if took < effort.seconds:
+            repeats[name] = max(1, min(REPEATS, int(effort.turn / (took + 1e-6))))
     fewest, most = effort.rounds
-    one = sum(took * repeats[name] for name, took in first.items())
+    one = sum(first[name] * count for name, count in repeats.items())
     rounds = max(fewest, min(most, int(effort.seconds / (one + 1e-6))))
-    taken = _in_turn({name: calls[name] for name in first}, repeats, rounds)
-    return found | {name: _lower_quartile([first[name], *kept]) for name, kept in taken.items()}
+    taken = _in_turn({name: calls[name] for name in repeats}, repeats, rounds)
+    return found | {name: _lower_quartile([took, *taken.get(name, ())]) for name, took in first.items()}
 
 
 def once(call: Call) -> Timed:
