@@ -230,7 +230,7 @@ class Timing:
 
     def rates(self) -> dict[tuple[str, str], Rate]:
         """What the runs so far say, by operation and method."""
-        found = {}
+        found: dict[tuple[str, str], Rate] = {}
         for name, samples in self.samples().items():
             overall = fit(samples, self.owner.methods[name].rates[self.backend])
             own: dict[str, list[Sample]] = {}
