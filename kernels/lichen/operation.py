@@ -161,6 +161,12 @@ class Rate:
 
     start: float
     step: float
+    kinds: Mapping[str, Rate] = field(default_factory=dict)
+    """those of requests of one kind, where they are known apart (`lichen.kind`)"""
+
+    def seconds(self, work: float, kind: str = "") -> float:
+        known = self.kinds.get(kind, self) if self.kinds else self
+        return known.start + known.step * work
 
 
 class Implementation(Protocol[P_contra]):
@@ -197,8 +203,7 @@ class Method(Generic[P]):
     makes, as measured; None: nothing where the operation is pointwise, else one"""
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
-        rate = self.rates[backend]
-        return rate.start + rate.step * self.work(parameters, knob, facts)
+        return self.rates[backend].seconds(self.work(parameters, knob, facts))
 
 
 # ------------------------------------------------------------------------------------------------------ hard cases

@@ -60,12 +60,26 @@ def current(backend: str) -> Rates:
     return kept[1]
 
 
-def store(backend: str, rates: Rates) -> Path | None:
-    """Keep `rates` beside those already known, which they replace; None where the folder cannot be written."""
+def store(backend: str, rates: Rates, pace: float | None = None) -> Path | None:
+    """Keep `rates` beside those already known, which they replace; None where the folder cannot be written. `pace` is
+    what the task takes by whose speed they were measured (`lichen.calibration.pace`), seconds."""
     path = path_of(backend)
     merged = {**current(backend), **rates}
-    listed = [[*name, rate.start, rate.step] for name, rate in sorted(merged.items())]
-    return path if write(path, json.dumps({"machine": machine(backend), "rates": listed}, indent=1)) else None
+    listed = [
+        [*name, rate.start, rate.step, {kind: [each.start, each.step] for kind, each in rate.kinds.items()}]
+        for name, rate in sorted(merged.items(), key=lambda known: known[0])
+    ]
+    told = {"machine": machine(backend), "pace": pace, "rates": listed}
+    return path if write(path, json.dumps(told, indent=1)) else None
+
+
+def pace(backend: str) -> float | None:
+    """Seconds that the task took by whose speed the rates were measured; None where that is not known."""
+    try:
+        known = float(json.loads(path_of(backend).read_text())["pace"])
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+    return known if math.isfinite(known) and known > 0 else None
 
 
 def write(path: Path, text: str) -> bool:
@@ -147,12 +161,17 @@ def _read(path: Path) -> Rates:
     """What a file holds; nothing where it is not one of ours."""
     try:
         listed = json.loads(path.read_text())["rates"]
-        rates = {(str(o), str(m)): Rate(float(start), float(step)) for o, m, start, step in listed}
-    except (OSError, ValueError, TypeError, KeyError) as failure:
+        rates = {(str(o), str(m)): _rate(*numbers) for o, m, *numbers in listed}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as failure:
         _log.warning("%s is left aside: %s", path, failure)
         return _NONE
     sound = {name: rate for name, rate in rates.items() if _sound(rate)}
     return MappingProxyType(sound)
+
+
+def _rate(start: Any, step: Any, kinds: Mapping[str, Any]) -> Rate:
+    found = {str(kind): Rate(float(first), float(then)) for kind, (first, then) in kinds.items()}
+    return Rate(float(start), float(step), {kind: rate for kind, rate in found.items() if _sound(rate)})
 
 
 def _sound(rate: Rate) -> bool:

@@ -15,6 +15,7 @@ from typing import Any
 
 from lichen.accuracy import times
 from lichen.calibration.fit import misses
+from lichen.calibration.pace import pace
 from lichen.calibration.timing import Plan, Timing
 from lichen.operation import Operation
 
@@ -63,7 +64,7 @@ def calibrate(
             for method, samples in timing.samples().items():
                 outcome.samples += len(samples)
                 outcome.missed += misses(rates[operation.name, method], samples)
-            outcome.kept = times.store(backend, rates) is not None
+            outcome.kept = times.store(backend, rates, pace(backend).usual) is not None
             if outcome.kept:
                 finished.add(operation.name)
         finished.clear()

@@ -27,6 +27,7 @@ from lichen.calibration.report import Report, Setting
 from lichen.calibration.rivals import MISSING, rivals
 from lichen.calibration.table import Entry, load
 from lichen.calibration.turns import FULL, QUICK, Effort, Timed, once, timed
+from lichen.kind import kind
 from lichen.opencl.device import default_device
 from lichen.operation import Facts, InputFacts, Operation, OperationParameters
 from lichen.planning.choose import DOUBLE_ROUNDING
@@ -78,11 +79,11 @@ def predicted(
     backend = backend or sweep.backends()[0]
     parameters, facts = operation.validate(operation.examples[number]), _facts(operation, number, size)
     entries = load().of(operation.name, number)
-    rates = times.current(backend)
+    rates, own = times.current(backend), kind(parameters, facts)
     settings = []
     for each in sweep.settings(operation):
         rate = rates.get((operation.name, each.method.name), each.method.rates[backend])
-        seconds = rate.start + rate.step * each.method.work(parameters, each.knob or 0.0, facts)
+        seconds = rate.seconds(each.method.work(parameters, each.knob or 0.0, facts), own)
         settings.append(_setting(each, Timed(seconds, failed=each.method.unfit(parameters, facts)), entries))
     settings += _variants(settings, entries)
     settings.append(_doubles(Timed(operation.truth_seconds(parameters, facts))))

@@ -1,12 +1,17 @@
 """Times of this machine: which runs tell most, running them, and the rates that follow.
 
-A `Cell` is one setting on the typical image at one size. For every method a handful of cells is taken whose predicted
-times spread from the start-up cost to the longest run allowed, since the two numbers of a rate need both ends. Cells
-are run in turn, several passes of them, so that a machine that is slow for a second harms one run of many cells instead
-of all runs of one. A cell's quickest run counts: whatever else happens on a machine only ever adds time.
+A `Cell` is one setting on the typical image at one size. For every method and every kind of request among the examples
+a few cells are taken whose predicted times spread from the start-up cost to the longest run allowed, since the two
+numbers of a rate need both ends. Cells are run in turn, several passes of them, so that a machine that is slow for a
+second harms one run of many cells instead of all runs of one. The lower quartile of a cell's runs counts: whatever
+else happens on a machine only ever adds time, but nobody meets the quickest run of all.
 
-Predictions before anything is measured may be far off: where the first pass shows that all cells of a method are short,
-the longest that this machine has time for is added.
+Predictions before anything is measured may be far off. Of each method the cells are warmed up from the shortest on, and
+none is begun that would take far too long by what shorter ones took; where the first pass shows that there is time for
+others, up to the longest that this machine affords, they are added.
+
+A machine whose clock or neighbours change runs everything slower for seconds on end, by up to 1.75 times where this was
+written. So what a run took counts as much of what a `Pace` took beside it, a small task that is always the same.
 """
 
 from __future__ import annotations
@@ -15,18 +20,24 @@ import dataclasses
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 from lichen.calibration.corpus import Case, typical
 from lichen.calibration.fit import Sample, fit
+from lichen.calibration.pace import lower_quartile, pace
 from lichen.calibration.sweep import Setting, settings
 from lichen.catalogue import operation
+from lichen.kind import kind
 from lichen.operation import Operation, Rate
 
 SIDES = (32, 64, 128, 256, 512, 1024, 1536)
+LEAST = 2
+"""Cells of a method and a kind: what is left of a few when there are many kinds."""
+TOO_LONG = 4.0
+"""Times the longest run allowed, beyond which no run is begun that is known to take so long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +47,7 @@ class Plan:
     longest: float
     """seconds that one run may be predicted to take"""
     cells: int
-    """for each method"""
+    """for each method, two at least for each kind"""
     passes: int
 
 
@@ -66,6 +77,11 @@ class Cell:
         return time.perf_counter() - began
 
     @property
+    def kind(self) -> str:
+        """Of the request."""
+        return _kind(self.operation, self.example)
+
+    @property
     def work(self) -> float:
         case, parameters = _prepared(self.operation, self.example, self.size)
         return Setting(operation(self.operation).methods[self.method], self.knob).work(case, parameters)
@@ -78,38 +94,57 @@ def _prepared(name: str, example: int, size: int) -> tuple[Case, Any]:
     return typical(owner, parameters, size), parameters
 
 
+@lru_cache(maxsize=1024)
+def _kind(name: str, example: int) -> str:
+    case, parameters = _prepared(name, example, SIDES[0])
+    return kind(parameters, case.inputs)
+
+
 def cells(owner: Operation[Any], backend: str, plan: Plan) -> list[Cell]:
-    """For each method the cells whose predicted times lie evenly, on a scale of decades, up to the longest allowed."""
-    return [cell for offered in _offered(owner, backend).values() for cell in _spread(offered, plan)]
+    """For each method and kind the cells whose predicted times lie evenly, on a scale of decades, up to the longest
+    allowed."""
+    offered = _offered(owner, backend)
+    return [cell for way, own in offered.items() for cell in _spread(own, plan, _wanted(way, offered, plan))]
 
 
-def _offered(owner: Operation[Any], backend: str) -> dict[str, list[Cell]]:
-    """All there are, by method."""
-    found: dict[str, list[Cell]] = {}
+Way = tuple[str, str]
+"""A method and a kind of request."""
+
+
+def _wanted(way: Way, offered: Mapping[Way, Sequence[Cell]], plan: Plan) -> int:
+    """How many cells."""
+    return max(LEAST, plan.cells // sum(method == way[0] for method, _ in offered))
+
+
+def _offered(owner: Operation[Any], backend: str) -> dict[Way, list[Cell]]:
+    """All there are."""
+    found: dict[Way, list[Cell]] = {}
     for size in SIDES:
         for example in range(len(owner.examples)):
             small, parameters = _prepared(owner.name, example, SIDES[0])
+            parameters = owner.sized(parameters, size, size)
             facts = {key: dataclasses.replace(each, height=size, width=size) for key, each in small.facts.items()}
             for setting in settings(owner):
                 method = setting.method
                 if method.unfit(parameters, facts) is None:
                     predicted = method.seconds(backend, parameters, setting.knob or 0.0, facts)
                     cell = Cell(owner.name, example, method.name, setting.knob, size, predicted)
-                    found.setdefault(method.name, []).append(cell)
+                    found.setdefault((method.name, cell.kind), []).append(cell)
     return found
 
 
-def _spread(offered: Sequence[Cell], plan: Plan) -> Iterator[Cell]:
-    """Cells nearest to evenly spaced times; the shortest one where all take too long."""
-    affordable = [cell for cell in offered if cell.predicted <= plan.longest]
+def _spread(offered: Sequence[Cell], plan: Plan, count: int, scale: float = 1.0) -> Iterator[Cell]:
+    """So many cells, nearest to evenly spaced times, on a machine that takes `scale` times what is predicted; the
+    shortest one where all take too long."""
+    affordable = [cell for cell in offered if scale * cell.predicted <= plan.longest]
     if not affordable:
         yield min(offered, key=lambda cell: cell.predicted)
         return
     ordered = sorted(affordable, key=lambda cell: cell.predicted)
     low, high = (math.log(cell.predicted) for cell in (ordered[0], ordered[-1]))
     taken: set[int] = set()
-    for step in range(plan.cells):
-        wanted = low + (high - low) * step / max(plan.cells - 1, 1)
+    for step in range(count):
+        wanted = low + (high - low) * step / max(count - 1, 1)
         free = [i for i in range(len(ordered)) if i not in taken]
         if not free:
             return
@@ -130,7 +165,8 @@ class Timing:
     _added: set[Cell] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        self.seconds = {cell: [] for cell in cells(self.owner, self.backend, self.plan)}
+        chosen = sorted(cells(self.owner, self.backend, self.plan), key=lambda cell: cell.predicted)
+        self.seconds = {cell: [] for cell in chosen}
 
     @property
     def runs(self) -> int:
@@ -139,39 +175,68 @@ class Timing:
 
     def steps(self, undisturbed: Callable[[], bool] = lambda: True) -> Iterator[Cell]:
         """Makes all runs, pausing after each. A run during which `undisturbed` turned false is made again, once."""
-        for number in range(self.plan.passes + 1):
+        beside = pace(self.backend)
+        yield from self._warm()
+        for number in range(1, self.plan.passes + 1):
             if number == 2 < self.plan.passes:
-                self._add_longer()
+                self._add()
             for cell, kept in self.seconds.items():
-                seconds = cell.run(self.backend)
+                seconds = beside.paced(partial(cell.run, self.backend))
                 if not undisturbed():
                     yield cell
-                    seconds = cell.run(self.backend)
+                    seconds = beside.paced(partial(cell.run, self.backend))
                 if number > (2 if cell in self._added else 0):
                     kept.append(seconds)
                 yield cell
 
-    def _add_longer(self) -> None:
-        """The longest affordable cell of each method, by what the first pass took, where it is twice as long as any."""
-        for method, offered in _offered(self.owner, self.backend).items():
-            known = [(cell, kept[0]) for cell, kept in self.seconds.items() if cell.method == method]
-            scale = statistics.median(took / cell.predicted for cell, took in known)
-            short = 2 * max(took for _, took in known)
-            longer = [cell for cell in offered if short < scale * cell.predicted <= self.plan.longest]
-            if longer:
-                cell = max(longer, key=lambda cell: cell.predicted)
-                self._added.add(cell)
-                self.seconds[cell] = []
+    def _warm(self) -> Iterator[Cell]:
+        """Runs all cells for the first time, shortest first, but those that are bound to take far too long."""
+        scales: dict[Way, float] = {}
+        for cell in list(self.seconds):
+            way = cell.method, cell.kind
+            if scales.get(way, 0.0) * cell.predicted > TOO_LONG * self.plan.longest:
+                del self.seconds[cell]
+                continue
+            took = cell.run(self.backend)
+            if took > self.plan.longest:  # a program may have been built
+                took = cell.run(self.backend)
+            scales[way] = took / cell.predicted
+            yield cell
+
+    def _add(self) -> None:
+        """Cells that the first pass shows to be affordable, where there are fewer than there might be; in any case the
+        longest, where it takes twice as long as any."""
+        all_of_them = _offered(self.owner, self.backend)
+        for way, offered in all_of_them.items():
+            known = {cell: kept[0] for cell, kept in self.seconds.items() if (cell.method, cell.kind) == way}
+            count = _wanted(way, all_of_them, self.plan)
+            scale = statistics.median(took / cell.predicted for cell, took in known.items())
+            further = [cell for cell in _spread(offered, self.plan, count, scale) if cell not in known]
+            short = 2 * max(known.values())
+            longer = [cell for cell in further if short < scale * cell.predicted <= self.plan.longest]
+            chosen = [max(longer, key=lambda cell: cell.predicted)] if longer else []
+            room = count - len(known) - len(chosen)
+            chosen += [cell for cell in further if cell not in chosen][: max(room, 0)]
+            self._added.update(chosen)
+            self.seconds.update((cell, []) for cell in chosen)
 
     def samples(self) -> dict[str, list[Sample]]:
         """By method."""
         found: dict[str, list[Sample]] = {}
         for cell, kept in self.seconds.items():
             if kept:
-                found.setdefault(cell.method, []).append(Sample(cell.work, min(kept)))
+                found.setdefault(cell.method, []).append(Sample(cell.work, lower_quartile(kept)))
         return found
 
     def rates(self) -> dict[tuple[str, str], Rate]:
         """What the runs so far say, by operation and method."""
-        declared = {name: method.rates[self.backend] for name, method in self.owner.methods.items()}
-        return {(self.owner.name, name): fit(own, declared[name]) for name, own in self.samples().items()}
+        found: dict[tuple[str, str], Rate] = {}
+        for name, samples in self.samples().items():
+            overall = fit(samples, self.owner.methods[name].rates[self.backend])
+            own: dict[str, list[Sample]] = {}
+            for cell, kept in self.seconds.items():
+                if cell.method == name and kept:
+                    own.setdefault(cell.kind, []).append(Sample(cell.work, lower_quartile(kept)))
+            kinds = {each: fit(taken, overall) for each, taken in own.items()} if len(own) > 1 else {}
+            found[self.owner.name, name] = Rate(overall.start, overall.step, kinds)
+        return found

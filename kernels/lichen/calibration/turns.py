@@ -2,7 +2,8 @@
 
 Every call runs once before it counts, which builds programs, and once more, which tells how often it fits into a turn:
 quick ones run several times, since single calls scatter more. Turns are repeated as often as an `Effort` affords: where
-calls take long, fewer runs know them as well.
+calls take long, fewer runs know them as well. One that takes by itself as long as all rounds should is run no more, and
+one that takes far longer than anything is timed for is known by its first run.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Effort:
     """predicted seconds above which a setting is not timed but predicted"""
 
 
-QUICK = Effort((2, 9), seconds=0.15, turn=0.005, longest=0.5)
+QUICK = Effort((1, 9), seconds=0.15, turn=0.005, longest=0.5)
 FULL = Effort((9, 21), seconds=20.0, turn=0.02, longest=4.0)
 
 
@@ -60,17 +61,20 @@ def timed(calls: Mapping[str, Call], effort: Effort) -> dict[str, Timed]:
     first: dict[str, float] = {}
     for name, call in calls.items():
         try:
-            call()
             took = _seconds(call)
+            if took < 2 * effort.longest:  # no program takes so long to build
+                took = _seconds(call)
         except FAILURES as failure:
             found[name] = Timed(math.nan, failed=brief(failure))
             continue
-        first[name], repeats[name] = took, max(1, min(REPEATS, int(effort.turn / (took + 1e-6))))
+        first[name] = took
+        if took < effort.seconds:
+            repeats[name] = max(1, min(REPEATS, int(effort.turn / (took + 1e-6))))
     fewest, most = effort.rounds
-    one = sum(took * repeats[name] for name, took in first.items())
+    one = sum(first[name] * count for name, count in repeats.items())
     rounds = max(fewest, min(most, int(effort.seconds / (one + 1e-6))))
-    taken = _in_turn({name: calls[name] for name in first}, repeats, rounds)
-    return found | {name: _lower_quartile([first[name], *kept]) for name, kept in taken.items()}
+    taken = _in_turn({name: calls[name] for name in repeats}, repeats, rounds)
+    return found | {name: _lower_quartile([took, *taken.get(name, ())]) for name, took in first.items()}
 
 
 def once(call: Call) -> Timed:

@@ -92,7 +92,15 @@ def within_error(problem: Problem) -> Choices:
 def _alone(problem: Problem, measure: Measure) -> Choices | None:
     """The quickest candidate of the one node there is that keeps the targets; no slower one states its error."""
     ((name, offers),) = problem.usable.items()
-    return next((trial for each in offers.in_turn() if problem.excess(trial := {name: each}, measure) <= 1), None)
+    graph = problem.graph
+    if not graph.precision.lossless or graph.nodes[0].inherited:
+        return next((trial for each in offers.in_turn() if problem.excess(trial := {name: each}, measure) <= 1), None)
+    # Nothing arrives at the node, so what comes out errs as it does, and by what its readers inherit.
+    targets = {out: problem.targets[out] - each.inherited for out, each in graph.outputs.items()}
+    if any(targets[out] < 0 for out, each in graph.outputs.items() if each.source != name):
+        return None
+    least = min((targets[out] for out, each in graph.outputs.items() if each.source == name), default=math.inf)
+    return next(({name: offer} for offer in offers.in_turn() if measure(offer.error) <= least), None)
 
 
 def _together(problem: Problem, measure: Measure) -> Choices | None:

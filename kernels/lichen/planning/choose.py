@@ -154,12 +154,12 @@ def _sought(node: Node, facts: Mapping[str, Facts], request: Request) -> Offers:
 def _settings(
     node: Node, method: Method[Any], facts: Mapping[str, Facts], request: Request, stated: Stated
 ) -> Iterator[Candidate]:
-    rate = request.rate(node.operation, method)
+    rate, kind = request.rate(node.operation, method), node.about(facts).kind
     asked = node.asked.knobs.get(method.knob.name) if method.knob else None
     settings = (None,) if method.knob is None else method.knob.values if asked is None else (asked,)
     for setting in settings:
         offer = stated[method.name, setting] if asked is None else node.offer(facts, method.name, setting)
-        seconds = rate.start + rate.step * offer.work
+        seconds = rate.seconds(offer.work, kind)
         yield Candidate(method.name, setting, offer, seconds)
 
 

@@ -89,9 +89,18 @@ class Offers(tuple[Candidate, ...]):
 
     def in_turn(self) -> Iterator[Candidate]:
         """The quickest first, and of equally quick ones the most accurate. No error is asked for but theirs."""
+        known = self.__dict__.get("_turns")
+        if known is not None:
+            yield from known
+            return
+        turns: list[Candidate] = []
         for _, together in groupby(sorted(self, key=_seconds), key=_seconds):
             equal = list(together)
-            yield from sorted(equal, key=lambda offer: offer.error.value) if len(equal) > 1 else equal
+            if len(equal) > 1:
+                equal.sort(key=lambda offer: offer.error.value)
+            turns += equal
+            yield from equal
+        self.__dict__["_turns"] = turns
 
     @cached_property
     def quickest(self) -> Candidate:
@@ -188,16 +197,9 @@ class Node:
     def chosen(self, choice: Candidate, alternatives: Offers) -> Node:
         """With what was chosen, and from what."""
         return Node(
-            self.name,
-            self.operation,
-            self.parameters,
-            self.inputs,
-            choice,
-            alternatives,
-            self.asked,
-            self.inherited,
+            self.name, self.operation, self.parameters, self.inputs, choice, alternatives, self.asked, self.inherited,
             self.memo,
-        )
+        )  # fmt: skip
 
     def replace(self, **changes: Any) -> Node:
         return dataclasses.replace(self, **changes)

@@ -13,6 +13,7 @@ from functools import cached_property, lru_cache
 from typing import Any, TypeAlias
 
 from lichen.joining import Link
+from lichen.kind import kind
 from lichen.operation import Error, Facts, Method, Operation, OperationParameters
 from lichen.stage import Stage
 
@@ -79,6 +80,11 @@ class About:
     @cached_property
     def result(self) -> Facts:
         return self.operation.result(self.parameters, self.facts)
+
+    @cached_property
+    def kind(self) -> str:
+        """Of the request, by which rates may differ."""
+        return kind(self.parameters, self.facts)
 
     def carried(self, error: float) -> float:
         found = self._carried.get(error)

@@ -151,5 +151,5 @@ def cost(node: Node, facts: Mapping[str, Facts], request: Request) -> float:
     for (method, _), offer in node.offers(facts).items():
         if offer.unfit is None:
             rate = request.rate(node.operation, node.operation.methods[method])
-            quickest = min(quickest, rate.start + rate.step * offer.work)
+            quickest = min(quickest, rate.seconds(offer.work, node.about(facts).kind))
     return quickest * 1e3 if quickest < float("inf") else 0.0

@@ -92,6 +92,6 @@ def _again(node: Node, facts: Mapping[str, Facts], request: Request) -> Node:
         if method is None:
             return offer
         rate, found = request.rate(node.operation, method), node.offer(facts, method.name, offer.knob)
-        return dataclasses.replace(offer, stated=found, seconds=rate.start + rate.step * found.work)
+        return dataclasses.replace(offer, stated=found, seconds=rate.seconds(found.work, node.about(facts).kind))
 
     return node.chosen(again(choice), Offers(map(again, node.alternatives)))

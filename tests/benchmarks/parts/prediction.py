@@ -1,10 +1,11 @@
 """How well plans foretell: errors against what is stated, times against what is predicted, choices against the best.
 
 Operations are calibrated before they are first asked for, quickly, as a service does at its first start. Random
-requests ask for any operation with random parameters, sides of 128 to 1536 px, an error or none. Time is that of the
-kernels at that size; error is taken on the same picture made small enough for the definition to be quick. The blur
-that is chosen stands beside the quickest way to compute it that meets the error. `LICHEN_PATIENCE=10` gives ten times
-the time, for as many requests more.
+requests ask for any operation with random parameters, sides of 128 to 1536 px, an error or none; random pipelines for
+two to four of them in a row. Time is that of the kernels at that size, the lower quartile of nine runs at the machine's
+usual pace, as in calibration; error is taken on the same picture made small enough for the definition to be quick. The
+blur that is chosen stands beside the quickest way to compute it that meets the error. `LICHEN_PATIENCE=10` gives ten
+times the time, for as many requests more; `LICHEN_PIECES=FOLDER` keeps what was found there and goes on behind it.
 """
 
 from __future__ import annotations
@@ -30,11 +31,13 @@ import lichen
 from lichen.accuracy import times
 from lichen.accuracy.metrics import difference
 from lichen.calibration.corpus import cases, picture, typical
+from lichen.calibration.pace import lower_quartile, pace
 from lichen.calibration.sweep import Setting, backends, settings
 from lichen.calibration.timing import QUICK, Timing
 from lichen.catalogue import operation, operations
 from lichen.errors import InvalidRequest, Unattainable
-from lichen.image import Image, as_image
+from lichen.image import Image, Space, as_image
+from lichen.memory import aligned
 from lichen.operation import Facts, Operation
 from lichen.planning.choose import choose
 from lichen.planning.graph import TRUTH, Graph, Node, Request
@@ -45,10 +48,14 @@ COUNT = 200
 """Of random requests, as far as time allows."""
 PATIENCE = 1.0 if quick() else 25.0 * float(os.environ.get("LICHEN_PATIENCE", "1"))
 """Seconds after which random requests of either kind, and blurs, begin nothing further."""
-LONGEST = 1.5
+LONGEST = 0.3
 """Predicted seconds of one run at most; longer ones are drawn again."""
 AFFORDABLE = 0.4
 """Seconds that truth may be guessed to take."""
+PIPELINES = 40
+"""Random ones, of as many requests."""
+LISTED = 40
+"""Rows of the table of times."""
 SIGMAS = (0.5, 1, 2, 4, 7, 10, 15, 25, 50, 100, 200)
 BLUR_ERRORS = (1e-2, 1e-3, 1e-4, 1e-6)
 ERRORS = (None, None, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
@@ -76,10 +83,7 @@ class Asked:
             return dict(offered[content % len(offered)].inputs)
         height, width = self.shape
         whole = typical(self.operation, self.validated, max(self.shape)).inputs
-        return {
-            name: image.replace(pixels=np.ascontiguousarray(image.pixels[:height, :width]))
-            for name, image in whole.items()
-        }
+        return {name: image.replace(pixels=aligned(image.pixels[:height, :width])) for name, image in whole.items()}
 
     def arguments(self, images: Mapping[str, Image]) -> dict[str, Any]:
         first = next(iter(images.values()), None)
@@ -109,12 +113,18 @@ def drawn(number: int) -> Asked:
 
 
 def seconds(asked: Asked) -> dict[str, Any]:
-    """Predicted and measured, of all nodes; the quickest of five runs, as in calibration."""
+    """Predicted and measured, of all nodes."""
     arguments = asked.arguments(asked.images(0, 0))
     plan = lichen.explain(asked.operation.name, **arguments)
-    lichen.run(asked.operation.name, **arguments)
-    took = min(lichen.run(asked.operation.name, **arguments).timing["kernel"] for _ in range(5))
+    took = usual(lambda: lichen.run(asked.operation.name, **arguments).timing, asked.device)
     return {"method": plan.method, "predicted": plan.seconds, "measured": took}
+
+
+def usual(run: Callable[[], Mapping[str, float]], device: str) -> float:
+    """Seconds of the kernels, the lower quartile of nine runs at the machine's usual pace, as in calibration."""
+    run()
+    beside = pace(device)
+    return lower_quartile([beside.paced(lambda: run()["kernel"]) for _ in range(9)])
 
 
 def errors(asked: Asked, content: int) -> tuple[float, float, str] | None:
@@ -145,22 +155,21 @@ class Kept:
     def rows(self) -> list[dict[str, Any]]:
         return [json.loads(line) for line in self.path.read_text().splitlines()] if self.path.exists() else []
 
-    def fill(self, count: int, until: float, find: Callable[[Asked, int], list[dict[str, Any]]]) -> None:
+    def fill(self, count: int, until: float, find: Callable[[int], list[dict[str, Any]]]) -> None:
         """Rows of all requests below `count` that have none."""
         known = {row["number"] for row in self.rows}
         for number in [number for number in range(count) if number not in known]:
             if time.perf_counter() > until:
                 return
-            asked = drawn(number)
-            about = {"number": number, "operation": asked.operation.name, "device": asked.device}
             with self.path.open("a") as file:
-                for row in find(asked, number) or [{}]:
-                    file.write(json.dumps(about | row) + "\n")
+                for row in find(number) or [{}]:
+                    file.write(json.dumps({"number": number} | row) + "\n")
 
 
-def timed(asked: Asked, number: int) -> list[dict[str, Any]]:
+def timed(number: int) -> list[dict[str, Any]]:
+    asked = drawn(number)
     calibrated(asked.operation, asked.device)
-    return [seconds(asked)]
+    return [{"operation": asked.operation.name, "device": asked.device} | seconds(asked)]
 
 
 def calibrated(wanted: Operation[Any], device: str) -> None:
@@ -169,32 +178,80 @@ def calibrated(wanted: Operation[Any], device: str) -> None:
         timing = Timing(wanted, device, QUICK)
         for _ in timing.steps():
             pass
-        times.store(device, timing.rates())
+        times.store(device, timing.rates(), pace(device).usual)
 
 
-def compared(asked: Asked, number: int) -> list[dict[str, Any]]:
+def chains(number: int) -> list[dict[str, Any]]:
+    """Random pipeline `number`: two to four operations on one picture, at their examples."""
+    rng, device = np.random.default_rng([2025, number]), backends()[number % len(backends())]
+    known = [each for each in operations().values() if each.inputs and each.inputs[0].picture]
+    known = [each for each in known if sum(one.required for one in each.inputs) == 1]
+    image = as_image(np.tile(picture("photo", 256), (1 + number % 4, 3, 1))).replace(space=Space.SRGB)
+    while True:
+        steps = [known[rng.integers(len(known))] for _ in range(rng.integers(2, 5))]
+        nodes = {
+            f"n{at}": {
+                "operation": each.name,
+                "parameters": dict(each.examples[rng.integers(len(each.examples))]),
+                "inputs": {each.inputs[0].name: f"n{at - 1}" if at else "input.image"},
+            }
+            for at, each in enumerate(steps)
+        }
+        said = {"nodes": nodes, "outputs": {"result": {"node": f"n{len(steps) - 1}"}}}
+        try:
+            for each in steps:
+                calibrated(each, device)
+            plan = lichen.explain_pipeline(said, image, device=device)
+        except (InvalidRequest, Unattainable):
+            continue
+        if plan.seconds <= LONGEST and plan.nodes and TRUTH not in plan.method:
+            took = usual(partial(_timing, said, image, device), device)
+            name = " | ".join(each.name for each in steps)
+            return [{"operation": name, "method": plan.method, "predicted": plan.seconds, "measured": took}]
+
+
+def _timing(said: Mapping[str, Any], image: Image, device: str) -> Mapping[str, float]:
+    return lichen.run_pipeline(said, image, device=device)["result"].timing
+
+
+def compared(number: int) -> list[dict[str, Any]]:
     """On two pictures."""
-    rows = []
+    asked, rows = drawn(number), []
     for content in (number, number + 1):
         if outcome := errors(asked, content):
             stated, found, kind = outcome
-            rows.append({"stated": stated, "found": found, "kind": kind})
+            rows.append({"operation": asked.operation.name, "stated": stated, "found": found, "kind": kind})
     return rows
 
 
 def table_of_times(rows: list[dict[str, Any]]) -> Section:
+    """The share that is told well, and what is told worst."""
     ratios: dict[str, list[float]] = {}
     for row in rows:
         name = f"{row['operation']}, {row['device']}, {row['method'].partition(';')[0]}"
         ratios.setdefault(name, []).append(row["predicted"] / row["measured"])
     every = [ratio for each in ratios.values() for ratio in each]
+    worst = sorted(ratios.items(), key=lambda each: -max(abs(math.log(ratio)) for ratio in each[1]))
+    head = ["operation, device, method", "requests", "within 1.5 times", "predicted / measured, median"]
+    text = f"Of {len(every)} requests these {min(len(worst), LISTED)} kinds are foretold worst."
+    return table(f"Times of {len(rows)} random requests", head, _told([("all", every), *worst[:LISTED]]), text)
+
+
+def _told(named: list[tuple[str, list[float]]]) -> list[list[Any]]:
     told = []
-    for name, each in [("all", every), *sorted(ratios.items())]:
+    for name, each in named:
         if each:
             within = sum(1 / 1.5 <= ratio <= 1.5 for ratio in each)
             told.append([name, len(each), f"{within / len(each):.0%}", f"{statistics.median(each):.2f}"])
-    head = ["operation, device, method", "requests", "within 1.5 times", "predicted / measured, median"]
-    return table(f"Times of {len(rows)} random requests", head, told)
+    return told
+
+
+def table_of_pipelines(rows: list[dict[str, Any]]) -> Section:
+    ratios = [(row["operation"], row["predicted"] / row["measured"]) for row in rows if "measured" in row]
+    worst = sorted(ratios, key=lambda each: -abs(math.log(each[1])))
+    named = [("all", [ratio for _, ratio in ratios]), *((name, [ratio]) for name, ratio in worst[:10])]
+    head = ["pipeline", "requests", "within 1.5 times", "predicted / measured, median"]
+    return table(f"Times of {len(rows)} random pipelines", head, _told(named))
 
 
 def table_of_errors(rows: list[dict[str, Any]]) -> Section:
@@ -226,7 +283,7 @@ def choosing() -> Section:
                     node = Node(chosen.name, chosen, chosen.validate(values), {key: f"input.{key}" for key in facts})
                 except InvalidRequest:
                     continue
-                request = Request(backend=backends()[0], target=chosen.name)
+                request = Request(backend=backends()[0], target=chosen.name, rates=times.current(backends()[0]))
                 graph = light(Graph.of({f"input.{k}": f for k, f in facts.items()}, (node,), chosen.name), request)
                 began = time.perf_counter()
                 choose(graph, request)
@@ -299,13 +356,15 @@ def _blurred(setting: Setting, image: Image, sigma: float) -> object:
 def sections(tell: Callable[[str], None]) -> list[Section]:
     """In a folder of its own, so that the machine's rates stay what they are."""
     with tempfile.TemporaryDirectory(prefix="lichen-") as name:
-        folder = Path(name)
+        folder = Path(os.environ.get("LICHEN_PIECES", name))
         os.environ["LICHEN_TIMES"] = str(folder / "times")
-        took, found = Kept(folder / "times.jsonl"), Kept(folder / "errors.jsonl")
+        took, chained, found = (Kept(folder / f"{each}.jsonl") for each in ("times", "pipelines", "errors"))
         took.fill(COUNT, time.perf_counter() + PATIENCE, timed)
         tell(f"{len(took.rows)} times")
+        chained.fill(PIPELINES, time.perf_counter() + PATIENCE, chains)
+        tell(f"{len(chained.rows)} pipelines")
         found.fill(COUNT, time.perf_counter() + PATIENCE, compared)
         tell(f"{len(found.rows)} errors")
-        made = [table_of_times(took.rows), table_of_errors(found.rows), choosing()]
+        made = [table_of_times(took.rows), table_of_pipelines(chained.rows), table_of_errors(found.rows), choosing()]
         tell("gaussian")
         return [*made, best(time.perf_counter() + PATIENCE)]

@@ -13,12 +13,20 @@ from lichen.accuracy import times
 from lichen.calibration.calibrate import Outcome, calibrate
 from lichen.calibration.corpus import typical
 from lichen.calibration.fit import Sample, fit, misses
+from lichen.calibration.pace import Pace
 from lichen.calibration.timing import QUICK, Cell, Plan, Timing, cells
 from lichen.calibration.turns import REPEATS, Effort, timed
 from lichen.catalogue import operation, operations
+from lichen.kind import kind
 from lichen.operation import Rate
 
 SHORT = Plan(longest=0.002, cells=3, passes=1)
+
+
+@pytest.fixture
+def steady(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine that always runs at its usual pace."""
+    monkeypatch.setattr(Pace, "paced", lambda self, run: run())
 
 
 @pytest.fixture(autouse=True)
@@ -59,6 +67,10 @@ def test_what_is_stored_is_read_and_added_to() -> None:
     assert times.current("numpy") == {("gaussian", "fir"): Rate(1e-4, 2e-11), ("lic", "rk2"): Rate(0.0, 1e-9)}
     assert times.current("opencl") == {}
     assert [each.name for each in path.parent.iterdir()] == [path.name]
+    assert times.pace("numpy") is None
+    apart = Rate(1e-4, 2e-11, {"cafe": Rate(2e-4, 3e-11)})
+    times.store("numpy", {("gaussian", "fir"): apart}, 1e-3)
+    assert (times.current("numpy")["gaussian", "fir"], times.pace("numpy")) == (apart, 1e-3)
 
 
 @pytest.mark.parametrize(
@@ -100,6 +112,17 @@ def test_plans_use_what_was_measured() -> None:
     assert lichen.explain("gaussian", image, sigma=2.0, device="numpy", method="fir").seconds > 5
 
 
+def test_requests_of_a_kind_have_their_own_times() -> None:
+    image, told = np.ones((64, 64), np.float32), {"sigma": 2.0, "border": "wrap"}
+    own = kind(operation("gaussian").validate(told), ["image"])
+    times.store("numpy", {("gaussian", "fir"): Rate(1e-3, 1e-15, {own: Rate(7.0, 1e-15)})})
+    found = [
+        lichen.explain("gaussian", image, device="numpy", method="fir", **{**told, **further}).seconds
+        for further in ({}, {"sigma": 3.0}, {"border": "clamp"}, {"sigma_x": 3.0})
+    ]
+    assert found == pytest.approx([7.0, 7.0, 1e-3, 1e-3], rel=1e-3)
+
+
 # ------------------------------------------------------------------------------------------------------- calibration
 
 
@@ -111,16 +134,19 @@ def test_cells_cover_every_method_with_short_runs(name: str, backend: str) -> No
     for example in owner.examples:
         parameters = owner.sized(owner.validate(example), 32, 32)
         facts = typical(owner, parameters, 32).facts
-        taken |= {method.name for method in owner.methods.values() if method.unfit(parameters, facts) is None}
+        fit = [method.name for method in owner.methods.values() if method.unfit(parameters, facts) is None]
+        taken |= {(method, kind(parameters, facts)) for method in fit}
     assert taken
-    assert {cell.method for cell in chosen} == taken
+    assert {(cell.method, cell.kind) for cell in chosen} == taken
     assert len(set(chosen)) == len(chosen)
-    for method in taken:
-        own = [cell.predicted for cell in chosen if cell.method == method]
+    for way in taken:
+        own = [cell.predicted for cell in chosen if (cell.method, cell.kind) == way]
         assert max(own) <= QUICK.longest or len(own) == 1
 
 
+@pytest.mark.usefixtures("steady")
 def test_calibration_measures_every_method_and_goes_on_where_it_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Cell, "run", lambda cell, backend: cell.predicted)
     chosen, outcome = [operation("premultiply"), operation("transfer")], Outcome()
     for step in calibrate(chosen, ["numpy"], SHORT, outcome):
         if step.operation == "transfer":
@@ -138,6 +164,27 @@ def test_calibration_measures_every_method_and_goes_on_where_it_stopped(monkeypa
     third = Outcome()
     list(calibrate(chosen, ["numpy"], SHORT, third))
     assert third.resumed == 0
+
+
+def test_what_a_slow_machine_takes_counts_as_it_would_be_at_its_usual_pace(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+
+    def elapse(seconds: float) -> float:
+        now[0] += seconds
+        return seconds
+
+    monkeypatch.setattr("lichen.calibration.pace.time.perf_counter", lambda: now[0])
+    slow = [1.0]
+    beside = Pace(lambda: void(elapse(1e-3 * slow[0])), known=1e-3)
+    assert beside.paced(lambda: elapse(5.0)) == pytest.approx(5.0)
+    slow[0] = 1.75
+    found = [beside.paced(lambda: elapse(5.0 * 1.75)) for _ in range(9)]
+    assert found[0] == pytest.approx(8.75)  # one slow run may be anything
+    assert found[-1] == pytest.approx(5.0)
+
+
+def void(told: object) -> None:
+    """For calls whose results do not count."""
 
 
 def test_a_disturbed_run_is_made_again() -> None:
@@ -159,6 +206,7 @@ def test_what_short_runs_cannot_tell_is_known_from_elsewhere() -> None:
         assert fit(telling, wrong).step == pytest.approx(2e-9, rel=0.1)
 
 
+@pytest.mark.usefixtures("steady")
 def test_a_machine_quicker_than_foretold_gets_longer_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Cell, "run", lambda cell, backend: cell.predicted / 50)
     quick = Timing(operation("premultiply"), "numpy", Plan(longest=0.004, cells=3, passes=3))
@@ -172,6 +220,25 @@ def test_a_machine_quicker_than_foretold_gets_longer_runs(monkeypatch: pytest.Mo
     assert len(list(foretold.steps())) == foretold.runs == 4 * len(foretold.seconds)
 
 
+@pytest.mark.usefixtures("steady")
+def test_no_run_is_begun_that_would_take_far_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[float] = []
+
+    def run(cell: Cell, backend: str) -> float:
+        ran.append(50 * cell.predicted)
+        return ran[-1]
+
+    monkeypatch.setattr(Cell, "run", run)
+    slow = Timing(operation("premultiply"), "numpy", QUICK)
+    planned = set(slow.seconds)
+    assert max(50 * cell.predicted for cell in planned) > 4 * QUICK.longest
+    list(slow.steps())
+    assert max(ran) <= 4 * QUICK.longest
+    instead = set(slow.seconds) - planned
+    assert instead
+    assert max(50 * cell.predicted for cell in instead) <= QUICK.longest
+
+
 def test_calls_take_turns_as_often_as_is_affordable() -> None:
     ran: list[str] = []
 
@@ -179,17 +246,20 @@ def test_calls_take_turns_as_often_as_is_affordable() -> None:
         raise ValueError("no such border\nfurther lines")
 
     calls = {"quick": lambda: ran.append("quick"), "slow": lambda: ran.append("slow"), "fails": fails}
-    found = timed(calls, Effort((2, 2), seconds=0.0, turn=0.0, longest=1.0))
+    found = timed(calls, Effort((2, 2), seconds=5.0, turn=0.0, longest=1.0))
     assert ran == ["quick"] * 2 + ["slow"] * 2 + ["quick", "slow"] * 2
     assert (found["fails"].failed, found["slow"].failed) == ("no such border", None)
     assert found["quick"].seconds > 0
+    ran.clear()
+    assert timed(calls, Effort((2, 2), seconds=0.0, turn=0.0, longest=1.0))["quick"].seconds > 0
+    assert ran == ["quick"] * 2 + ["slow"] * 2
     ran.clear()
     timed({"quick": calls["quick"]}, Effort((2, 5), seconds=60.0, turn=1.0, longest=1.0))
     assert len(ran) == 2 + 5 * REPEATS
 
 
-def test_times_are_taken_from_the_quickest_run() -> None:
+def test_times_are_lower_quartiles_of_runs() -> None:
     measured = Timing(operation("premultiply"), "numpy", SHORT)
     for number, kept in enumerate(measured.seconds.values(), 1):
-        kept.extend([7.0, number, 9.0])
+        kept.extend([number, 1e3, 99.0, number, number])
     assert [sample.seconds for sample in measured.samples()["exact"]] == [*range(1, len(measured.seconds) + 1)]

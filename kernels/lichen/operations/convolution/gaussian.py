@@ -157,7 +157,7 @@ def _by_matrices(pixels: Array, weights: tuple[Vector, Vector], border: Border, 
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, 0.5),
     error=base.fir_error,
     work=base.fir_work,
-    rates={"opencl": Rate(5e-4, 1.6e-11), "numpy": Rate(1e-4, 7e-11)},
+    rates={"opencl": Rate(1e-3, 2.3e-11), "numpy": Rate(1e-4, 7e-11)},
 )
 class Fir:
     """The kernel, cut where little weight is left and normalised, as two passes of multiply-adds."""
@@ -212,7 +212,7 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the modes that are dropped", 1e-9, 0.5),
     error=base.dct_error,
     work=base.dct_work,
-    rates={"opencl": Rate(6e-4, 1.25e-11), "numpy": Rate(1e-5, 9e-12)},
+    rates={"opencl": Rate(1e-3, 1.2e-11), "numpy": Rate(1e-5, 9e-12)},
     unfit=base.dct_unfit,
 )
 class Dct:
@@ -263,7 +263,7 @@ def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Arr
     knob=Knob("order", (2, 4, 6, 8), "exponentials in the response", 2, 8),
     error=base.recursive_error(base.deriche_filters),
     work=base.recursive_work(base.deriche_filters),
-    rates={"opencl": Rate(5e-4, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
     unfit=base.recursive_unfit,
 )
 class Deriche:
@@ -285,7 +285,7 @@ class Deriche:
     knob=Knob("poles", (3, 4, 5), "poles of the all-pole filter", 3, 5),
     error=base.recursive_error(base.vliet_young_filters),
     work=base.recursive_work(base.vliet_young_filters),
-    rates={"opencl": Rate(5e-4, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
     unfit=base.vliet_young_unfit,
 )
 class VlietYoung:
@@ -307,7 +307,7 @@ class VlietYoung:
     knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1),
     error=base.boxes_error,
     work=base.boxes_work,
-    rates={"opencl": Rate(5e-4, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
     unfit=base.recursive_unfit,
 )
 class Box3:

@@ -9,14 +9,17 @@ from typing import Annotated
 from pydantic import Field
 
 from lichen.errors import Flaw
-from lichen.operation import ROUNDING, Border, Degrees, Error, InputFacts, OperationParameters, Pixels
+from lichen.operation import ROUNDING, Border, Degrees, Error, Facts, InputFacts, OperationParameters, Pixels
 from lichen.operations.convolution import gaussian_turned, lowrank
 from lichen.operations.convolution.boxes import Boxes, boxes, boxes_distance
 from lichen.operations.convolution.gaussian_turned import Turned
 from lichen.operations.convolution.gaussian_weights import dct_modes, fir_radius
 from lichen.operations.convolution.missing import Missing, check_mask, leaves_out, renormalised_error
+from lichen.operations.convolution.passes import rows_laid_out
 from lichen.operations.convolution.recursive import BLOCK
 from lichen.operations.convolution.recursive_filters import NARROWEST, Filter, deriche, distance, vliet_young
+from lichen.operations.convolution.stencil import banded
+from lichen.processors import threads
 
 MOST_MODES = 1536
 """Modes that the dct method keeps at most; a kernel that passes more is narrow enough for fir."""
@@ -118,7 +121,7 @@ def _turned_error(turned: Turned, tail: float, wide: float, magnitude: float) ->
 
 
 def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
-    """Multiply-adds, or the time to move samples where they are few: processors do one while the other waits.
+    """Multiply-adds, beside what it takes to move samples; where both passes are one nothing is moved between them.
 
     Kernels longer than the image are folded onto it, which takes time for each number of that matrix.
     """
@@ -126,14 +129,27 @@ def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     if p.turned is not None:
         terms = len(gaussian_turned.taken_apart(p.turned, tail)[0])
         return image.samples * terms * (sum(gaussian_turned.cut(p.turned, tail)[0].shape) + 60.0)
-    moved = image.samples * math.hypot(sum(_taps(p, tail, facts)), MOVED)
+    tall, wide = _taps(p, tail, facts)
+    taps = tall + wide
     if leaves_out(p.missing, facts):
-        return 2 * moved
+        return 2 * image.samples * (MOVED + taps)
+    together = rows_laid_out(tall, wide, image.channels)
+    moved = _tiled(image, tall, wide, together[0]) if together else image.samples * (MOVED + taps)
     sides = zip(p.deviations, (image.height, image.width), strict=True)
     return moved + FOLDED * sum(side * side for sigma, side in sides if 2 * fir_radius(sigma, tail)[0] >= side)
 
 
-MOVED, FOLDED = 54, 700
+def _tiled(image: Facts, tall: int, wide: int, tile: int) -> float:
+    """Of both passes as one: rows above and below a tile are filtered along again, and with few tiles some processor
+    has none."""
+    tiles = -(-image.width * image.channels // tile)
+    bands = -(-image.height // banded(image.height, tiles, 2 * tall))
+    items, working = tiles * bands, threads()
+    busy = -(-items // working) * working / items * tiles * tile
+    return busy * (1.6 * wide * (image.height + bands * (tall - 1)) + 0.44 * tall * image.height)
+
+
+MOVED, FOLDED = 122, 700
 """Multiply-adds that take as long as moving a sample through both passes, or as folding into one number of a matrix."""
 
 
@@ -158,7 +174,7 @@ def dct_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     image, (down, across) = facts["image"], p.deviations
     rows, columns = dct_modes(down, image.height, tail)[0], dct_modes(across, image.width, tail)[0]
     few = rows * image.width * image.channels
-    return 2.0 * image.samples * rows + 2.0 * few * columns + 90.0 * image.samples + 360.0 * few
+    return 2.0 * image.samples * rows + 11.0 * few * columns + 160.0 * image.samples + 2200.0 * few
 
 
 def dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
@@ -226,13 +242,13 @@ def recursive_work(filters: Filters) -> Callable[[Parameters, float, InputFacts]
         image, total = facts["image"], 0.0
         for each, side in zip(filters(p, order), (image.height, image.width), strict=True):
             begun = min(each.reach / side, 1.0)
-            total += image.samples * (PASSED + len(each.poles) * (12 + 4 * begun))
+            total += image.samples * (PASSED + len(each.poles) * (12 + 26 * begun))
         return total
 
     return work
 
 
-PASSED = 60.0
+PASSED = 80.0
 """Multiply-adds that take as long as moving a sample through one pass along lines."""
 
 
@@ -269,4 +285,4 @@ def boxes_work(p: Parameters, extended: float, facts: InputFacts) -> float:
     beyond = sum(
         2 * each.reach / side for each, side in zip(both_boxes(p, extended), (image.height, image.width), strict=True)
     )
-    return image.samples * (2 + beyond) * (PASSED + 36)
+    return image.samples * (2 + beyond / 3) * (PASSED + 16)

@@ -130,9 +130,11 @@ def laid_out(rows: int, columns: int, channels: int) -> tuple[int, int, int]:
 
 
 def banded(height: int, tiles: int, rows: int) -> int:
-    """Rows of an item: few enough that no processor is idle, and so many that what is staged twice is little."""
+    """Rows of an item: few enough that no processor is idle, and so many that what is staged twice is little; about the
+    same for all."""
     wanted = min(max(-(-height * tiles // ITEMS), 4 * rows), TALLEST)
-    return -(-wanted // BANDS) * BANDS
+    each = -(-height // -(-height // wanted))
+    return -(-each // BANDS) * BANDS
 
 
 def gathering(shape: tuple[int, ...], part: Stencil, tile: int, stride: int, border: Border) -> tuple[Array, Array]:

@@ -291,7 +291,7 @@ class All:
     knob=Knob("texels", (256, 1024, 4096, 16384), "blocks that the image is put together to", 6, 1e6),
     error=_reduced_error,
     work=lambda p, knob, facts: (
-        _work(p, min(knob, facts["image"].pixels), facts["image"].channels) + 10.0 * facts["image"].samples
+        _work(p, min(knob, facts["image"].pixels), facts["image"].channels) + 40.0 * facts["image"].samples
     ),
     rates={"opencl": Rate(1e-3, 2e-10), "numpy": Rate(1e-3, 3e-9)},
 )

@@ -281,7 +281,7 @@ def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
 @critical_points.method(
     "direct",
     error=_error,
-    work=lambda p, knob, facts: facts["field"].pixels * (1 + 0.05 * p.radius * p.radius),
+    work=lambda p, knob, facts: facts["field"].pixels * (1 + 0.01 * p.radius * p.radius),
     rates={"opencl": Rate(1e-3, 1.5e-7), "numpy": Rate(1e-3, 3e-7)},
 )
 class Direct:

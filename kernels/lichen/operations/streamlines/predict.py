@@ -155,6 +155,8 @@ class Ladder:
         return Error(extent.spread + rounding, "bound", rounding, typical)
 
     def usual(self, setting: float) -> float:
+        if setting in self.knob.values:
+            return self.typical[self.knob.values.index(setting)]
         settings, typical = zip(*sorted(zip(self.knob.values, self.typical, strict=True)), strict=True)
         return float(np.interp(setting, settings, typical))
 

@@ -19,7 +19,7 @@ Their errors stand in `prediction`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -111,6 +111,8 @@ class Warp(Generic[P]):
     """the most that the map shrinks the source by, where that is known without pixels"""
     projective: Callable[[P, Size, Size], Projective] | None = None
     """the map by the sizes of the whole source and of the whole result, where it is projective"""
+    _told: list[tuple[P, InputFacts, bool]] = field(default_factory=list, repr=False, compare=False)
+    """what `shrinks` said last: all methods of a request ask it"""
 
     def source(self, inputs: Inputs, p: P) -> Source:
         return Source(inputs["image"].pixels, self.closed(p) or p.border, p.value)
@@ -133,8 +135,13 @@ class Warp(Generic[P]):
         return Windowed.by(self.map(p, inputs), place_of(p))
 
     def shrinks(self, p: P, facts: InputFacts) -> bool:
+        for parameters, known, said in self._told:
+            if parameters is p and known is facts:
+                return said
         largest = self.largest(p, facts)
-        return largest is None or largest > 1
+        said = largest is None or largest > 1
+        self._told[:] = [(p, facts, said)]
+        return said
 
     def by(self, inputs: Inputs, p: P, sampler: Sampler, source: Source | None = None) -> Doubles:
         """The result in NumPy."""

@@ -1,0 +1,27 @@
+"""The kind of a request: what it has in common with those that take the same paths through a method.
+
+How long a method takes follows from its work, which it counts by itself, and from what no count of steps knows: whether
+there is a mask, which border, which chart. So times are measured for each kind apart, as far as the examples of an
+operation show them. Parameters of one kind agree in all that is no number, in which numbers are given at all, and in
+which are 0; so do the names of the inputs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from typing import Any
+
+
+def kind(parameters: Iterable[tuple[str, Any]], inputs: Iterable[str]) -> str:
+    """A few letters that stand for it; parameters as names and values."""
+    told = [(name, _shape(value)) for name, value in parameters]
+    return hashlib.sha256(json.dumps([told, sorted(inputs)]).encode()).hexdigest()[:12]
+
+
+def _shape(value: Any) -> Any:
+    """What is left of a value without its amount."""
+    if value is None or isinstance(value, str | bool):
+        return value
+    return bool(value) if isinstance(value, int | float) else type(value).__name__
