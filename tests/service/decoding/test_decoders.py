@@ -40,8 +40,10 @@ def until(holds: Callable[[], bool]) -> None:
 def pool() -> Iterator[Decoders]:
     begun = processes.begin(1 << 30)
     decoders = Decoders(1, 1 << 30, PATIENCE, begun=[begun])
+    decoders.start()
+    until(lambda: decoders.standing == 1)
+    assert begun.process.poll() is None, "it is the one that stands"
     yield decoders
-    assert begun.process.returncode is None, "it is the one that decoded, until the end"
     decoders.end()
 
 
