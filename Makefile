@@ -105,6 +105,7 @@ $(VENV)/.runtime: requirements.lock $(SOURCES)
 	@echo "Installing the Python packages of requirements.lock into $(VENV)"
 	@$(PIP) install --require-hashes --only-binary :all: --requirement requirements.lock
 	@PYTHONWARNINGS=ignore $(PIP) install --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -m compileall -qq kernels service clients
 	@touch $@
 
 $(VENV)/.development: requirements-dev.lock .ci/testing-packages.txt $(VENV)/.runtime

@@ -1,10 +1,14 @@
-"""Name -> operation. The catalogue is what lies in `lichen.operations`; adding a file there adds an operation."""
+"""Name -> operation. The catalogue is what lies in `lichen.operations`; adding a file there adds an operation.
+
+An operation called `name` is declared in `family/name.py`, or in `family/stem.py` where its name is `stem_family`: so
+one is found without loading the others, which takes a second.
+"""
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from types import MappingProxyType
 from typing import Any
@@ -16,20 +20,43 @@ from lichen.operation import Operation
 @cache
 def operations() -> Mapping[str, Operation[Any]]:
     """All operations by name, sorted by family, then name."""
-    home = importlib.import_module("lichen.operations")
-    found: dict[str, Operation[Any]] = {}
-    for module in pkgutil.walk_packages(home.__path__, home.__name__ + "."):
-        if module.ispkg:
-            continue
-        for value in vars(importlib.import_module(module.name)).values():
-            if isinstance(value, Operation):
-                found[value.name] = value
+    found = {each.name: each for each in loaded()}
     return MappingProxyType(dict(sorted(found.items(), key=lambda item: (item[1].family, item[0]))))
+
+
+def loaded() -> Iterator[Operation[Any]]:
+    """All operations, each as soon as it is loaded; some are met more than once."""
+    for module in dict.fromkeys(module for modules in _homes().values() for module in modules):
+        yield from _declared(module)
+
+
+def known(name: str) -> Operation[Any] | None:
+    """The operation called `name`, if there is one."""
+    likely = (each for module in _homes().get(name, ()) for each in _declared(module) if each.name == name)
+    return next(likely, None) or operations().get(name)
 
 
 def operation(name: str) -> Operation[Any]:
     """The operation called `name`. Raises `UnknownOperation` with the nearest names."""
-    known = operations()
-    if name not in known:
-        raise UnknownOperation(f"There is no operation {name!r}; {nearest(name, known)}")
-    return known[name]
+    found = known(name)
+    if found is None:
+        raise UnknownOperation(f"There is no operation {name!r}; {nearest(name, operations())}")
+    return found
+
+
+@cache
+def _homes() -> Mapping[str, list[str]]:
+    """Modules by what an operation that is declared there may be called; nothing is loaded but packages."""
+    home = importlib.import_module("lichen.operations")
+    found: dict[str, list[str]] = {}
+    for module in pkgutil.walk_packages(home.__path__, home.__name__ + "."):
+        if not module.ispkg:
+            family, stem = module.name.split(".")[-2:]
+            found.setdefault(stem, []).append(module.name)
+            found.setdefault(f"{stem}_{family}", []).append(module.name)
+    return found
+
+
+def _declared(module: str) -> Iterator[Operation[Any]]:
+    values = vars(importlib.import_module(module)).values()
+    return (value for value in values if isinstance(value, Operation))

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import textwrap
 from enum import StrEnum
+from functools import cache
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 Pixels = Annotated[float, Field(json_schema_extra={"unit": "px"})]
 Degrees = Annotated[float, Field(json_schema_extra={"unit": "deg"})]
@@ -26,7 +32,42 @@ class Border(StrEnum):
     """v v v | a b c d | v v v"""
 
 
-class OperationParameters(BaseModel):
+class Documented(BaseModel):
+    """A model whose fields are described by the strings that stand below them.
+
+    pydantic can look for these itself, when a class is made, by going through its source: for all operations that takes
+    0.5 s at every start. Here they are looked for when a schema is asked for.
+    """
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        made = handler(core)
+        properties = handler.resolve_ref_schema(made).get("properties", {})
+        for name, text in _described(cls).items():
+            if name in properties:
+                properties[name].setdefault("description", text)
+        return made
+
+
+class OperationParameters(Documented):
     """Base of every operation's parameters: frozen, no unknown fields, no NaN or infinity."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+@cache
+def _described(model: type) -> dict[str, str]:
+    """The strings below the fields of a class and of those that it inherits from."""
+    found: dict[str, str] = {}
+    for each in reversed([each for each in model.__mro__ if issubclass(each, BaseModel) and each is not BaseModel]):
+        try:
+            (body,) = ast.parse(textwrap.dedent(inspect.getsource(each))).body
+        except OSError:  # made in passing, or installed without its source
+            continue
+        assert isinstance(body, ast.ClassDef)
+        for field, after in zip(body.body, [*body.body[1:], ast.Pass()], strict=True):
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+                found.pop(field.target.id, None)
+                if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+                    found[field.target.id] = inspect.cleandoc(str(after.value.value))
+    return found

@@ -18,8 +18,6 @@ from pathlib import Path
 from traceback import clear_frames
 from typing import Any
 
-import structlog
-
 from lichen import catalogue
 from lichen.errors import LichenError
 from lichen.files import encode
@@ -32,16 +30,17 @@ from lichen_service.assets_elsewhere import open_assets
 from lichen_service.cache import Answers
 from lichen_service.calibrating import Calibrating, Traffic
 from lichen_service.decoding.pool import Decoders
+from lichen_service.decoding.processes import Begun
 from lichen_service.descriptions import path_of
 from lichen_service.documents import Shelf, as_query
 from lichen_service.formats import readable
 from lichen_service.http.message import Admission, Head, Request, Response
 from lichen_service.jobs.service import Jobs
+from lichen_service.logs import log
 from lichen_service.memory import Memory
 from lichen_service.metrics import Metrics
 from lichen_service.readiness import Readiness, example
 from lichen_service.refusals import Refusal, internal, refusal_of
-from lichen_service.routes.accuracy import Accuracy
 from lichen_service.routes.assets import PATH as ASSETS
 from lichen_service.routes.assets import AssetRoutes
 from lichen_service.routes.catalogue import Catalogue
@@ -50,18 +49,15 @@ from lichen_service.routes.jobs import wants_a_job
 from lichen_service.routes.pipelines import PATH as PIPELINES
 from lichen_service.routes.pipelines import Pipelines
 from lichen_service.routes.running import Running
-from lichen_service.routes.scenes import PATH as SCENES
-from lichen_service.routes.scenes import Scenes
 from lichen_service.routes.studio import Studio
 from lichen_service.routes.system import ALIVE, READY, System
 from lichen_service.routes.textures import PATH as TEXTURES
 from lichen_service.routes.textures import Textures
-from lichen_service.routing import Match, Route, Table
+from lichen_service.routing import Later, Match, Route, Table
 from lichen_service.settings import SHARED, Settings
 from lichen_service.uploads import JSON, check_type
 
-log = structlog.get_logger("lichen_service")
-
+SCENES = "/v1/scenes"
 SMALL_BODY = 4096
 """Bytes; what a request to a path that reads no body may still send."""
 
@@ -69,8 +65,8 @@ SMALL_BODY = 4096
 class Service:
     """The routes under one roof; an `Application` for the wire."""
 
-    def __init__(self, settings: Settings, shared: Path | None = None) -> None:
-        """`shared` is a folder that all worker processes of this service have in common."""
+    def __init__(self, settings: Settings, shared: Path | None = None, begun: Sequence[Begun] = ()) -> None:
+        """`shared` is a folder that all worker processes of this service have in common, `begun` are decoders."""
         self._settings = settings
         self.memory = Memory(settings.memory // settings.workers)
         self._guard = Guard(settings, shared)
@@ -79,17 +75,18 @@ class Service:
         self.readiness = Readiness(self._canary, give_way=self.traffic.give_way)
         self.calibrating = Calibrating(self.readiness, self.traffic)
         self.assets = open_assets(settings.assets, settings.asset_folder, settings.asset_store)
-        self.decoders = Decoders(settings.decoders, settings.decoder_memory, settings.decoder_seconds)
+        self.decoders = Decoders(settings.decoders, settings.decoder_memory, settings.decoder_seconds, begun=begun)
         self.answers = Answers(settings.cache)
         self._running = Running(settings, self.assets, self.decoders, self.answers)
         self._shelf = shelf = Shelf()
         self._described = described = Catalogue(settings, shelf)
         self._system = system = System(settings, self.readiness, shelf)
-        accuracy = Accuracy()
+        accuracy = Later("lichen_service.routes.accuracy", "Accuracy")
         run, check, stored = self._running.run, self._running.check, AssetRoutes(self.assets)
-        pipelines, scenes, textures = Pipelines(settings, self._running), Scenes(settings, self._running), Textures()
+        pipelines, textures = Pipelines(settings, self._running), Textures()
+        scenes = Later("lichen_service.routes.scenes", "Scenes", settings, self._running)
         self.jobs = _jobs(settings, self.assets, self.handle, self._check)
-        self.metrics = Metrics(catalogue.operations())
+        self.metrics = Metrics(catalogue.known)
         self._tracing = tracing.start() if settings.traces == "on" else None
         routes = (
             *(self.jobs.table if self.jobs else ()),
@@ -97,13 +94,13 @@ class Service:
             Route("/v1/operations", {"GET": described.list}),
             Route("/v1/operations/{name}", {"GET": self._get, "POST": run, "QUERY": run}, True, None, check, "run"),
             Route(PIPELINES, dict.fromkeys(("POST", "QUERY"), pipelines.run), True, None, pipelines.check, "run"),
-            Route(SCENES, dict.fromkeys(("POST", "QUERY"), scenes.run), True, None, scenes.check, "run"),
+            Route(SCENES, dict.fromkeys(("POST", "QUERY"), scenes.by("run")), True, None, scenes.by("check"), "run"),
             Route(TEXTURES, {"GET": textures.list}),
             Route(f"{TEXTURES}/{{name}}", {"GET": textures.one}),
             Route(ASSETS, {"PUT": stored.put}, True, readable(), scope="assets"),
             Route(f"{ASSETS}/{{name}}", {"GET": stored.get, "DELETE": stored.delete}, scope="assets"),
-            Route("/v1/accuracy", {"GET": accuracy.list}),
-            Route("/v1/accuracy/{name}", {"GET": accuracy.one}),
+            Route("/v1/accuracy", {"GET": accuracy.by("list")}),
+            Route("/v1/accuracy/{name}", {"GET": accuracy.by("one")}),
             Route("/v1/limits", {"GET": system.limits}),
             Route("/v1/version", {"GET": system.version}),
             Route("/openapi.json", {"GET": system.openapi}),
@@ -305,7 +302,7 @@ def _let_go(error: BaseException | None) -> None:
 
 def _smallest_request() -> tuple[bytes, str, tuple[tuple[str, str], ...]]:
     """Body, path and query of a tiny run of the first operation that reads a single image."""
-    for operation in catalogue.operations().values():
+    for operation in catalogue.loaded():
         made = example(operation)
         if made is None or len(made[0]) != 1:
             continue
@@ -320,13 +317,13 @@ def prepare() -> None:
     catalogue.operations()
 
 
-def create_application() -> Service:
-    """The service with the settings of the environment; its warm-up has begun and goes on in the background, and so
-    does, after it, the calibration of a machine that has none."""
+def create_application(begun: Sequence[Begun] = ()) -> Service:
+    """The service with the settings of the environment and these decoders; its warm-up has begun and goes on in the
+    background, and so does, after it, the calibration of a machine that has none."""
     logs.configure()
     settings = Settings.load()
     shared = os.environ.get(SHARED)
-    service = Service(settings, Path(shared) if shared else None)
+    service = Service(settings, Path(shared) if shared else None, begun)
     service.readiness.start()
     service.assets.clean()
     service.decoders.start()

@@ -23,12 +23,9 @@ from collections.abc import Iterator
 from contextvars import ContextVar
 from pathlib import Path
 
-import structlog
-
 from lichen_service import durable
 from lichen_service.http.message import Body
-
-log = structlog.get_logger("lichen_service")
+from lichen_service.logs import log
 
 PREFIX = "sha256:"
 ABANDONED = 3600.0

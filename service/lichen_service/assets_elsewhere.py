@@ -24,14 +24,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import structlog
-
 from lichen_service import durable
 from lichen_service.assets import ABANDONED, PREFIX, Assets, Full, InUse, is_id
 from lichen_service.http.message import Body
+from lichen_service.logs import log
 from lichen_service.refusals import RETRY_AFTER, Refusal
-
-log = structlog.get_logger("lichen_service")
 
 WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "az", "abfs", "adl", "oci", "r2", "memory"))
 """File systems in which a file is there when it is whole, and never before."""

@@ -15,16 +15,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import structlog
-
 from lichen.accuracy import times
-from lichen.calibration.calibrate import Outcome, calibrate
-from lichen.calibration.sweep import backends
-from lichen.calibration.timing import QUICK
 from lichen.catalogue import operations
+from lichen_service.logs import log
 from lichen_service.readiness import Readiness
-
-log = structlog.get_logger("lichen_service")
 
 PAUSE = 0.003
 """Seconds between runs, in which whatever waits for a processor gets it."""
@@ -84,6 +78,8 @@ class Calibrating:
         try:
             while not self._readiness.wait(60):
                 pass
+            from lichen.calibration.sweep import backends  # slow to load, and nobody waits for it
+
             missing = [backend for backend in backends() if not self._known(backend)]
             with _alone(times.folder() / "measuring") as mine:
                 if missing and mine:
@@ -99,6 +95,9 @@ class Calibrating:
         return {name for name, _ in times.current(backend)} >= operations().keys()
 
     def _measure(self, missing: list[str]) -> None:
+        from lichen.calibration.calibrate import Outcome, calibrate
+        from lichen.calibration.timing import QUICK
+
         began, outcome = time.monotonic(), Outcome()
         self._wait()
         for _ in calibrate(list(operations().values()), missing, QUICK, outcome, self._undisturbed):

@@ -14,7 +14,7 @@ import os
 from bisect import bisect_left
 from collections import Counter as Counts
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +34,11 @@ Asked = Callable[[], Mapping[str, float]]
 
 
 class Metrics:
-    def __init__(self, operations: Collection[str]) -> None:
+    def __init__(self, known: Callable[[str], object]) -> None:
+        """`known` says whether there is an operation of a name."""
         self.routes: frozenset[str] = frozenset()
         """templates of paths"""
-        self._operations = frozenset(operations)
+        self._known = known
         self._asked: list[tuple[str, str, str, Asked]] = []
         own = self._own = CollectorRegistry()
         self._requests = Counter("lichen_requests", "answers", ("route", "method", "status"), registry=own)
@@ -82,7 +83,7 @@ class Metrics:
                 self._queue.observe(line["queue_ms"] / 1e3)
             if "problem" in line:
                 problems[line["problem"]] += 1
-            if line.get("operation") in self._operations:
+            if "operation" in line and self._known(line["operation"]):
                 self._ran(line)
         for problem, count in problems.items():
             self._problems.labels(problem).inc(count)

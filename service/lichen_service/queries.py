@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import ConfigDict, Field, ValidationError, field_validator
 
 from lichen.accuracy.precision import Precision
 from lichen.errors import Flaw, InvalidRequest, nearest
@@ -19,13 +19,14 @@ from lichen.files import FORMATS, selection
 from lichen.image import Alpha, Space, Storage
 from lichen.operation import Knob, Operation
 from lichen.order import Nonfinite
+from lichen.parameters import Documented
 from lichen_service.assets import is_id
 
 
-class Options(BaseModel):
+class Options(Documented):
     """What a request may ask for whatever the operation is."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     max_error: float | None = Field(None, gt=0)
     """largest absolute error the result may have, in output units"""

@@ -16,14 +16,12 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-import structlog
 
 from lichen import catalogue, engine
 from lichen.errors import InvalidRequest, LichenError, Unattainable
 from lichen.image import Image, Space, Storage
 from lichen.operation import Facts, Input, Operation
-
-log = structlog.get_logger("lichen_service")
+from lichen_service.logs import log
 
 PATIENCE = 5.0
 """Seconds after which a canary that has not come back counts as stuck."""
@@ -68,8 +66,10 @@ def warm_up(device: str | None = None) -> Iterator[tuple[str, str, LichenError |
 
     Methods that do not take the example are passed over: they are no failure.
     """
-    for operation in catalogue.operations().values():
-        made = example(operation)
+    seen = set()
+    for operation in catalogue.loaded():
+        made = None if operation.name in seen else example(operation)
+        seen.add(operation.name)
         if made is None:
             continue
         inputs, parameters = made

@@ -6,7 +6,9 @@ with `Allow`. `HEAD` goes wherever `GET` goes, and `OPTIONS` is answered from th
 
 from __future__ import annotations
 
+import importlib
 import re
+import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -47,6 +49,26 @@ class Route:
 
     def handler(self, method: str) -> Handler | None:
         return self.handlers.get("GET" if method == "HEAD" else method)
+
+
+class Later:
+    """Handlers of a class whose module is loaded, and that is made, when one of them is first asked for: the first
+    pictures that a service makes need not wait for what they do not use."""
+
+    def __init__(self, module: str, name: str, *given: object) -> None:
+        self._module, self._name, self._given = module, name, given
+        self._made: object = None
+        self._lock = threading.Lock()
+
+    def by(self, method: str) -> Handler:
+        def handle(request: Request, name: str) -> Response:
+            with self._lock:
+                if self._made is None:
+                    self._made = getattr(importlib.import_module(self._module), self._name)(*self._given)
+            handler: Handler = getattr(self._made, method)
+            return handler(request, name)
+
+        return handle
 
 
 class Match(NamedTuple):

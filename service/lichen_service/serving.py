@@ -22,4 +22,4 @@ def main(arguments: Sequence[str] | None = None, prog: str = "python -m lichen_s
     with tempfile.TemporaryDirectory(prefix="lichen-") as shared:
         # Workers are started afresh and read the same settings from their environment.
         os.environ.update(settings.environment() | {SHARED: shared, FIGURES: shared})
-        return server.serve("lichen_service.app:create_application", settings)
+        return server.serve("lichen_service.starting:create_application", settings)

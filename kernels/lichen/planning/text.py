@@ -24,7 +24,7 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from lichen.catalogue import operations
+from lichen.catalogue import known
 from lichen.errors import Flaw, InvalidRequest, nearest
 
 MOST = 1000
@@ -84,7 +84,7 @@ def _free(wanted: str, nodes: Mapping[str, Any]) -> str:
 
 
 def _node(name: str, wanted: str, rest: str, before: str, flaws: list[Flaw]) -> dict[str, Any]:
-    declared = operations().get(wanted)
+    declared = known(wanted)
     names = [each.name for each in declared.inputs] if declared else []
     knobs = declared.knobs if declared else {}
     node: dict[str, Any] = {"operation": wanted, "parameters": {}, "inputs": {}, "knobs": {}}

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from lichen_service import durable
+from lichen_service.logs import log
 
 SCOPES = ("run", "assets", "jobs", "metrics")
 """What a key may be for: computing, storing inputs, work in the background, figures of the service."""
@@ -127,9 +128,6 @@ class KeyFile:
                 self._keys, self._stamp = read(self.path), stamp
         except (OSError, ValueError) as failure:
             if self._keys != Keys():
-                import structlog  # slow to load, and the supervisor never has to say anything
-
-                log = structlog.get_logger("lichen_service")
                 log.error("the file of keys cannot be read; no key is good now", reason=str(failure))
             self._keys, self._stamp = Keys(), None
         return self._keys

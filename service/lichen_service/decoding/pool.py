@@ -18,24 +18,22 @@ import queue
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
-import structlog
 
 from lichen.errors import UnreadableImage, UnsupportedFormat
 from lichen.files import Data, Limits, assembled, decode, encode, recognise
 from lichen.image import Image, Space
 from lichen.memory import Array, aligned_empty
-from lichen_service.decoding import messages
+from lichen_service.decoding import messages, processes
+from lichen_service.logs import log
 from lichen_service.refusals import RETRY_AFTER, Refusal
 
-log = structlog.get_logger("lichen_service")
 Made = TypeVar("Made")
 
 USES = 2000
@@ -43,9 +41,6 @@ STARTING = 60.0
 """Seconds that a decoder may take until it stands ready."""
 HERE = frozenset(("npy",))
 """Formats that are decoded in this process."""
-# Threads of codecs would only compete with those of other requests; and a decoder computes nothing.
-_ENVIRONMENT = {"OPENCV_FOR_THREADS_NUM": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"}
-
 
 UNABLE = "The image cannot be decoded: what decodes it failed, or took too long."
 
@@ -113,7 +108,16 @@ class Decoder:
 class Decoders:
     """The pool; with `count` 0 everything is decoded in this process."""
 
-    def __init__(self, count: int, memory: int, seconds: float, *, module: str = "lichen_service.decoding.child"):
+    def __init__(
+        self,
+        count: int,
+        memory: int,
+        seconds: float,
+        *,
+        module: str = processes.MODULE,
+        begun: Sequence[processes.Begun] = (),
+    ) -> None:
+        """`begun` holds processes that are decoders of the pool, as soon as they stand."""
         self._count = count
         self._memory = memory
         self._seconds = seconds
@@ -122,18 +126,26 @@ class Decoders:
         self._lock = threading.Lock()
         self._all: set[Decoder] = set()
         self._starting = 0
+        self._begun = list(begun)
+        self._awaited = 0
+        """of those begun: how many do not stand yet; no others are started meanwhile"""
         self._ended = False
         self.died = 0
         """decoders that ended before they had answered"""
         self.on_death: Callable[[], None] = lambda: None
 
     def start(self) -> None:
-        """Lets the pool fill in the background."""
+        """Lets the pool fill in the background, behind what was begun already, if anything was."""
         with self._lock:
             missing = 0 if self._ended else self._count - len(self._all) - self._starting
+            begun: list[processes.Begun | None] = [self._begun.pop() for _ in range(min(missing, len(self._begun)))]
+            if not begun and self._awaited:
+                return
+            missing = len(begun) or missing
+            self._awaited += len(begun)
             self._starting += missing
-        for _ in range(missing):
-            threading.Thread(target=self._start, name="decoder", daemon=True).start()
+        for each in begun or [None] * missing:
+            threading.Thread(target=self._start, args=[each], name="decoder", daemon=True).start()
 
     def decode(self, data: Data, *, limits: Limits, media_type: str | None = None) -> Image:
         """As `lichen.files.decode`. A decoder that dies of the image makes it an `UnreadableImage`; the 503 refusal
@@ -233,10 +245,10 @@ class Decoders:
             self._all.discard(decoder)
         decoder.end()
 
-    def _start(self) -> None:
+    def _start(self, begun: processes.Begun | None) -> None:
         decoder = None
         try:
-            decoder = self._spawn()
+            decoder = Decoder(*(begun or processes.begin(self._memory, self._module)))
             decoder.socket.settimeout(STARTING)
             if not decoder.socket.recv(messages.LARGEST):
                 raise Died("it did not begin")
@@ -248,6 +260,7 @@ class Decoders:
             time.sleep(1.0)
         with self._lock:
             self._starting -= 1
+            self._awaited -= begun is not None
             if decoder is not None and not self._ended:
                 self._all.add(decoder)
         if decoder is not None:
@@ -255,15 +268,5 @@ class Decoders:
                 decoder.end()
             else:
                 self._ready.put(decoder)
-
-    def _spawn(self) -> Decoder:
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
-            process = subprocess.Popen(
-                [sys.executable, "-m", self._module, str(theirs.fileno()), str(self._memory)],
-                pass_fds=(theirs.fileno(),),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                env={**os.environ, **_ENVIRONMENT},
-            )
-        return Decoder(process, ours)
+        if begun is not None:
+            self.start()

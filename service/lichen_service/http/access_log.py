@@ -12,15 +12,15 @@ from __future__ import annotations
 import re
 import sys
 import time
+import traceback
 from collections import deque
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, TextIO
 
-import structlog
 from pydantic_core import PydanticSerializationError
 from pydantic_core import to_json as quickly_to_json
 
+from lichen_service.logs import shown
 from lichen_service.problems import to_json
 
 LONGEST_QUERY = 256
@@ -45,17 +45,7 @@ class AccessLog:
         self._stream = stream or sys.stderr
         self._tell = tell
         self._answered: deque[tuple[float, Recorded]] = deque()
-        self._gathered = _Gathered()
-        self._log = structlog.wrap_logger(
-            self._gathered,
-            processors=[
-                structlog.processors.TimeStamper(fmt="iso", utc=True, key="time"),
-                structlog.processors.add_log_level,
-                structlog.processors.format_exc_info,
-                _render,
-            ],
-            cache_logger_on_first_use=True,
-        )
+        self._failed: deque[str] = deque()
 
     def answered(self, exchange: Recorded) -> None:
         """An answer has left; what is written of it is asked of the exchange then."""
@@ -63,43 +53,29 @@ class AccessLog:
 
     def failed(self, what: str, **fields: object) -> None:
         """A defect: logged with the traceback of the exception being handled."""
-        self._log.error(what, exc_info=True, **fields)
+        raised = traceback.format_exc().rstrip()
+        said = {"event": what, "time": shown(time.time()), "level": "error", "exception": raised}
+        self._failed.append(_written({**fields, **said}))
 
     @property
     def failures(self) -> int:
         """Defects whose lines are not written yet."""
-        return self._gathered.count
+        return len(self._failed)
 
     def flush(self) -> None:
         lines = []
         for _ in range(len(self._answered)):
             moment, exchange = self._answered.popleft()
-            lines.append({**exchange.record(), "event": "request", "time": _shown(moment), "level": "info"})
+            lines.append({**exchange.record(), "event": "request", "time": shown(moment), "level": "info"})
         if lines and self._tell is not None:
             try:
                 self._tell(lines)
             except Exception:
                 self.failed("figures")
-        if text := self._gathered.take() + "".join(map(_written, lines)):
+        failed = [self._failed.popleft() for _ in range(len(self._failed))]
+        if text := "".join([*failed, *map(_written, lines)]):
             self._stream.write(text)
             self._stream.flush()
-
-
-class _Gathered:
-    """The end of structlog's chain; a deque, since lines come from several threads."""
-
-    def __init__(self) -> None:
-        self._lines: deque[str] = deque()
-
-    @property
-    def count(self) -> int:
-        return len(self._lines)
-
-    def error(self, line: str) -> None:
-        self._lines.append(line + "\n")
-
-    def take(self) -> str:
-        return "".join(self._lines.popleft() for _ in range(len(self._lines)))
 
 
 def shown_query(query: str) -> str:
@@ -116,18 +92,8 @@ def _written(line: Mapping[str, Any]) -> str:
     try:
         return quickly_to_json(line, inf_nan_mode="null", fallback=str).decode() + "\n"
     except PydanticSerializationError:  # text that is not Unicode
-        return _render(None, "", dict(line)) + "\n"
+        return to_json(_plain(line)).decode() + "\n"
 
 
-def _shown(moment: float) -> str:
-    """As structlog writes it."""
-    return f"{_second(int(moment))}.{int(moment % 1 * 1e6):06d}Z"
-
-
-@lru_cache(maxsize=2)
-def _second(second: int) -> str:
-    return time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(second))
-
-
-def _render(_logger: object, _method: str, event: MutableMapping[str, Any]) -> str:
-    return to_json({name: value if isinstance(value, _PLAIN) else str(value) for name, value in event.items()}).decode()
+def _plain(line: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value if isinstance(value, _PLAIN) else str(value) for name, value in line.items()}

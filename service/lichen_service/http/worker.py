@@ -2,9 +2,9 @@
 
     python -m lichen_service.http.worker LISTENER READY LIFELINE          (file descriptors; see server.py)
 
-Standard input brings the pickled name of the application's maker, at which the libraries are loaded, and then the
-settings, at which serving begins; in a spare worker that may be much later, or never. READY gets one byte once requests
-can be answered. LIFELINE is readable only when the supervisor has died; the worker then
+Standard input brings, pickled, the name of the application's maker and whether this worker is a spare one, which loads
+its libraries then; and the settings, at which serving begins: of a spare worker that may be much later, or never. READY
+gets one byte once requests can be answered. LIFELINE is readable only when the supervisor has died; the worker then
 ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to standard error.
 
 The process ends without tearing the interpreter down: threads that compute (a warm-up, a calibration, a job that will
@@ -38,8 +38,9 @@ def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR1, all_threads=True)
     sys.setswitchinterval(SWITCH_INTERVAL)
-    maker = cast("str", pickle.load(sys.stdin.buffer))
-    prepare(maker)
+    maker, spare = cast("tuple[str, bool]", pickle.load(sys.stdin.buffer))
+    if spare:
+        prepare(maker)
     try:
         settings = cast("WireSettings", pickle.load(sys.stdin.buffer))
     except EOFError:  # the supervisor is gone, and needs no spare

@@ -17,17 +17,14 @@ import time
 from functools import lru_cache
 from typing import Any
 
-import structlog
-
 import lichen
 from lichen_service.assets import Assets, is_id
 from lichen_service.http.message import CLIENT_GONE, Body, Head, Request, Response
 from lichen_service.inside import Inside
 from lichen_service.jobs.service import SCHEME
+from lichen_service.logs import log
 from lichen_service.problems import problem
 from lichen_service.settings import Settings
-
-log = structlog.get_logger("lichen_service")
 
 WAITING = 10.0
 """Seconds until a scheduler that does not answer is taken for gone."""

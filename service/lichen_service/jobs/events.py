@@ -16,13 +16,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import structlog
-
 from lichen_service.documents import canonical
 from lichen_service.jobs.job import FINAL, Job
 from lichen_service.jobs.queue import Queue
-
-log = structlog.get_logger("lichen_service")
+from lichen_service.logs import log
 
 PAUSE = 0.2
 """Seconds between looks at the queue while anybody watches."""

@@ -11,14 +11,11 @@ import threading
 import time
 from collections.abc import Callable
 
-import structlog
-
 from lichen_service.http.message import CLIENT_GONE, Head, Request, Response
 from lichen_service.jobs.job import Job
 from lichen_service.jobs.queue import Queue
+from lichen_service.logs import log
 from lichen_service.problems import problem
-
-log = structlog.get_logger("lichen_service")
 
 PAUSE = 0.25
 """Seconds after which a thread looks whether another process has put something into the queue."""

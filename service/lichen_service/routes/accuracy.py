@@ -10,7 +10,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 
 from lichen import catalogue
 from lichen.accuracy import times
@@ -21,6 +21,7 @@ from lichen.calibration.report import Report
 from lichen.errors import Flaw, InvalidRequest, nearest
 from lichen.opencl.device import default_device
 from lichen.operation import Operation
+from lichen.parameters import Documented
 from lichen_service.descriptions import accuracy_path_of, path_of
 from lichen_service.documents import canonical, document
 from lichen_service.http.message import Head, Request, Response
@@ -32,10 +33,10 @@ FORMS = {"json": "application/json", "svg": "image/svg+xml", "png": "image/png"}
 _POLICY = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'"}
 
 
-class View(BaseModel):
+class View(Documented):
     """What a query may ask for."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
     example: int | None = Field(None, ge=0)
     """its number among the operation's examples; left out: the one that shows most"""

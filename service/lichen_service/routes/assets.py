@@ -8,20 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import structlog
-
 from lichen.errors import Flaw
 from lichen.files import probe, recognise
 from lichen_service.access.guard import Caller
 from lichen_service.assets import Assets, Full, InUse, is_id
 from lichen_service.documents import content_digest, momentary
 from lichen_service.http.message import Request, Response
+from lichen_service.logs import log
 from lichen_service.negotiation import media_type_of
 from lichen_service.refusals import RETRY_AFTER, Refusal
 from lichen_service.stored import respond
 from lichen_service.uploads import UNTOLD, Upload
-
-log = structlog.get_logger("lichen_service")
 
 PATH = "/v1/assets"
 

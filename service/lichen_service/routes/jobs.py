@@ -13,8 +13,6 @@ import sqlite3
 from dataclasses import dataclass
 from typing import Any
 
-import structlog
-
 from lichen_service.access.guard import Caller
 from lichen_service.assets import is_id
 from lichen_service.descriptions import path_of
@@ -24,11 +22,10 @@ from lichen_service.jobs.events import Events
 from lichen_service.jobs.job import FINAL, PATH, Job, State, Stored
 from lichen_service.jobs.queue import Exists, Queue, TooMany
 from lichen_service.jobs.runner import Runner
+from lichen_service.logs import log
 from lichen_service.refusals import RETRY_AFTER, Refusal
 from lichen_service.settings import Settings
 from lichen_service.stored import respond
-
-log = structlog.get_logger("lichen_service")
 
 LISTED = 100
 """Jobs in a list, the newest."""

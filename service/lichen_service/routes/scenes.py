@@ -34,8 +34,6 @@ from lichen_service.routes.pipelines import Pipelines, Told
 from lichen_service.routes.running import JSON
 from lichen_service.stages import Stages
 
-PATH = "/v1/scenes"
-
 
 @dataclass(frozen=True, slots=True)
 class ToldScene(Told):

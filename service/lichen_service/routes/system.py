@@ -13,7 +13,6 @@ from lichen.opencl.device import default_device, status
 from lichen_service.descriptions import limits_of
 from lichen_service.documents import Shelf, canonical, momentary
 from lichen_service.http.message import Head, Request, Response
-from lichen_service.openapi import openapi
 from lichen_service.readiness import Readiness
 from lichen_service.refusals import RETRY_AFTER, Refusal
 from lichen_service.settings import Settings
@@ -68,6 +67,8 @@ class System:
 
 @cache
 def _openapi() -> bytes:
+    from lichen_service.openapi import openapi
+
     return canonical(openapi(catalogue.operations()))
 
 

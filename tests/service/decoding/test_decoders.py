@@ -19,7 +19,7 @@ from lichen.errors import InvalidRequest, LichenError, TooLarge, UnreadableImage
 from lichen.files import FORMATS, Limits, decode, encode
 from lichen.image import Alpha, Image, Space, Storage
 from lichen_service.app import Service
-from lichen_service.decoding import messages
+from lichen_service.decoding import messages, processes
 from lichen_service.decoding.pool import Decoders
 from lichen_service.settings import Settings
 
@@ -38,7 +38,11 @@ def until(holds: Callable[[], bool]) -> None:
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[Decoders]:
-    decoders = Decoders(1, 1 << 30, PATIENCE)
+    begun = processes.begin(1 << 30)
+    decoders = Decoders(1, 1 << 30, PATIENCE, begun=[begun])
+    decoders.start()
+    until(lambda: decoders.standing == 1)
+    assert begun.process.poll() is None, "it is the one that stands"
     yield decoders
     decoders.end()
 
@@ -91,6 +95,14 @@ def test_flaws_come_back_as_they_are(pool: Decoders, png: bytes) -> None:
             decode(broken, limits=LIMITS)
         assert found.value.detail == expected.value.detail
     assert pool.died == 0
+
+
+def test_a_process_that_was_begun_in_vain_is_replaced() -> None:
+    pool = Decoders(1, 1 << 30, PATIENCE, begun=[processes.begin(1 << 30, "lichen_service.no_such_module")])
+    data = encode(picture(), "png").data
+    assert pool.decode(data, limits=LIMITS).width == picture().width
+    assert pool.standing == 1
+    pool.end()
 
 
 def test_npy_needs_no_decoder() -> None:

@@ -10,7 +10,6 @@ Source: Oppenheim and Schafer, Discrete-Time Signal Processing (1989), 8.7.
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft
 
 from lichen.memory import Array, aligned_empty
 from lichen.operation import Border
@@ -59,12 +58,16 @@ def _set_nonfinite(made: Matrix, plane: Matrix, taps: Matrix, sides: tuple[int, 
 def _spectrum(plane: Matrix, sides: tuple[int, int]) -> Array:
     """Along the rows that are there, and then down, zeros below them. Every line is transformed by itself, so that the
     number of processors changes no bit."""
+    from scipy import fft  # slow to load, and only large kernels need it
+
     rows = fft.rfft(plane, sides[1], axis=1, workers=threads())
     return np.asarray(fft.fft(rows, sides[0], axis=0, overwrite_x=True, workers=threads()))
 
 
 def _samples(spectrum: Array, sides: tuple[int, int], shape: tuple[int, ...]) -> Matrix:
     """The first rows and columns, so many."""
+    from scipy import fft
+
     rows = fft.ifft(spectrum, sides[0], axis=0, overwrite_x=True, workers=threads())[: shape[0]]
     return np.asarray(fft.irfft(rows, sides[1], axis=1, workers=threads())[:, : shape[1]])
 

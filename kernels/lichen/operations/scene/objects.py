@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
 from lichen.operation import Degrees, OperationParameters
 from lichen.operations.scene.camera import Place, Vector
@@ -27,8 +27,6 @@ Ball = tuple[
 
 class Material(OperationParameters):
     """What an object is made of."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
     albedo: Colour = (0.8, 0.8, 0.8)
     """what it reflects of light, linear"""
