@@ -42,14 +42,8 @@ class Decision:
         return self.saved() if callable(self.saved) else self.saved
 
     def to_json(self) -> dict[str, Any]:
-        return {
-            "pass": self.pass_,
-            "node": self.node,
-            "action": self.action,
-            "reason": self.reason,
-            "bound": self.bound,
-            "saved_ms": self.saved_ms,
-        }
+        said = {"pass": self.pass_, "node": self.node, "action": self.action, "reason": self.reason}
+        return {**said, "bound": self.bound, "saved_ms": self.saved_ms}
 
 
 @dataclass(frozen=True, slots=True)
