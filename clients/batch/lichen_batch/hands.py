@@ -264,7 +264,7 @@ class LocalEngine:
     """Items done by processes of this machine."""
 
     def __init__(self, count: int, limits: Limits) -> None:
-        self.capacity = 2 * count  # one at work, one that waits for it
+        self.capacity = 3 * count  # one at work, one behind it, and one for when that is begun
         self.name = f"{count} process{'es' if count > 1 else ''} here"
         self._hands = Hands(count, limits)
         self._hands.start()
