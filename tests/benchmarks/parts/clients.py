@@ -3,8 +3,9 @@
 The client and the socket ask one service for the same, by turns, and their medians are compared. Batches are of photos
 that are blurred: one process, two, a service on loopback, and a cluster. Kernels and codecs of every process that does
 items run on one thread, in the runs that are compared with one another: on a machine of two processors one process
-would otherwise use both of them. Beside batches of one process and of two stands what bare processes compute that do
-nothing else, by turns: where two of them are not twice as fast as one, no batch can be.
+would otherwise use both of them. Beside them, by turns, bare processes do the same items in a loop, with no batch
+around it: where two of them are not twice as fast as one, no batch can be. All are warm, and a round's figures are
+compared with one another, since the machine's speed changes from round to round; medians of rounds are told.
 """
 
 from __future__ import annotations
@@ -29,7 +30,11 @@ from sections import Section, table
 from lichen.files import encode
 from lichen.image import Image, Space, Storage
 from lichen_batch.engines import Engine
-from lichen_batch.item import Outcome
+from lichen_batch.hands import Limits, LocalEngine
+from lichen_batch.item import Item
+from lichen_batch.journal import Journal
+from lichen_batch.run import Rules, Stop, run
+from lichen_batch.summary import Account
 from lichen_client import Client
 
 TITLE = "Clients and batches"
@@ -37,7 +42,7 @@ PHOTOS = int(os.environ.get("LICHEN_PHOTOS", "16" if quick() else "120"))
 ROUNDS = 10 if quick() else 200
 SIDE = int(os.environ.get("LICHEN_SIDE", "1024" if quick() else "8192"))
 """Of the array that is done in tiles."""
-ROUNDS_OF_BATCHES = int(os.environ.get("LICHEN_ROUNDS", "1" if quick() else "3"))
+ROUNDS_OF_BATCHES = int(os.environ.get("LICHEN_ROUNDS", "1" if quick() else "9"))
 ALONE = dict.fromkeys(("LICHEN_PROCESSORS", "OPENCV_FOR_THREADS_NUM"), "1")
 """Lets kernels and codecs of a process run on one thread."""
 
@@ -122,47 +127,104 @@ def batch_of(folder: Path, *further: str) -> float:
     return (count - begun) / ((last or time.monotonic()) - first)
 
 
-def bare(folder: Path, processes: int, seconds: float = 1.0 if quick() else 3.0) -> float:
-    """Items a second that so many processes compute without a batch around them: what this machine can give."""
-    code = f"""
-import sys, time
+class Bare:
+    """So many processes that do items in a loop, without a batch around them: what this machine can give."""
+
+    name = "bare"
+
+    def __init__(self, processes: int) -> None:
+        code = """
+import json, sys
+from lichen_batch.item import Item
+from lichen_batch.work import perform
 from lichen_client import Client
-client, photo = Client(local=True), open({str(folder / "0.jpg")!r}, "rb").read()
-client.run("gaussian", photo, sigma=4, format="jpeg")
-print("ready", flush=True); sys.stdin.readline()
-count, until = 0, time.monotonic() + {seconds}
-while time.monotonic() < until:
-    client.run("gaussian", photo, sigma=4, format="jpeg"); count += 1
-print(count, flush=True)
+with Client(local=True) as client:
+    for line in sys.stdin:
+        outcomes = [perform(client, Item.from_json(each)) for each in json.loads(line)]
+        assert all(each.ok for each in outcomes)
+        print(sum(each.whole for each in outcomes), flush=True)
 """
-    environment = {**os.environ, **ALONE, "MALLOC_ARENA_MAX": "2"}
-    command, pipe = [sys.executable, "-c", code], subprocess.PIPE
-    running = [subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) for _ in range(processes)]
-    pipes = [(each.stdin, each.stdout) for each in running if each.stdin and each.stdout]
-    for _, said in pipes:
-        said.readline()
-    for asking, _ in pipes:
-        asking.write("go\n")
-        asking.flush()
-    count = sum(int(said.readline()) for _, said in pipes)
-    for each in running:
-        each.communicate()
-    return count / seconds
+        environment = {**os.environ, **ALONE, "MALLOC_ARENA_MAX": "2"}
+        command, pipe = [sys.executable, "-c", code], subprocess.PIPE
+        self._running = [
+            subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) for _ in range(processes)
+        ]
+
+    def do(self, items: list[Item]) -> float:
+        """Seconds that the stages of all items took together."""
+        for at, each in enumerate(self._running):
+            assert each.stdin
+            said = [item.to_json() for item in items[at :: len(self._running)]]
+            each.stdin.write(json.dumps(said) + "\n")
+            each.stdin.flush()
+        return sum(float(each.stdout.readline()) for each in self._running if each.stdout)
+
+    def end(self) -> None:
+        for each in self._running:
+            each.communicate()
+
+
+class Batch:
+    """The loop of a batch, with its journal."""
+
+    def __init__(self, engine: Engine, folder: Path) -> None:
+        self._engine, self._folder = engine, folder
+
+    def do(self, items: list[Item]) -> float:
+        account = Account(len(items))
+        with Journal(self._folder / f"{time.monotonic_ns()}.jsonl") as journal:
+            todo = [(item, 0) for item in items]
+            left = run(todo, len(items), self._engine, journal, Rules(), Stop(), account.add)
+        assert (left, account.failed) == (0, 0)
+        return sum(account.seconds["item"])
+
+    def end(self) -> None:
+        self._engine.end()
+
+
+def by_turns(folder: Path, count: int, doing: dict[str, Bare | Batch]) -> tuple[dict[str, list[float]], float]:
+    """Items a second of each, round by round; and the seconds of an item."""
+    rates: dict[str, list[float]] = {name: [] for name in doing}
+    seconds = []
+    for number in range(1 + ROUNDS_OF_BATCHES):  # the first warms up
+        items = [_item(folder, at, number) for at in range(count if number else 16)]
+        for name, each in doing.items():
+            began = time.monotonic()
+            taken = each.do(items)
+            if number:
+                rates[name].append(len(items) / (time.monotonic() - began))
+                seconds.append(taken / len(items))
+    return rates, statistics.median(seconds)
+
+
+def _item(folder: Path, at: int, number: int) -> Item:
+    places = {"image": str(folder / f"{at % 8}.jpg")}, {"result": str(folder / f"made-{at}.jpg")}
+    values = {"sigma": 5 + at / 1000 + number / 10}
+    return Item(f"{number}-{at}", "gaussian", None, *places, {"result": "jpeg"}, values, f"{number}-{at}")
+
+
+def over(rates: dict[str, list[float]], one: str, other: str) -> float:
+    """How many times as fast the one is as the other: the median of rounds."""
+    return statistics.median(a / b for a, b in zip(rates[one], rates[other], strict=True))
 
 
 def batch() -> str:
-    rates: dict[tuple[str, int], list[float]] = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        photos(folder, PHOTOS)
-        for _ in range(ROUNDS_OF_BATCHES):
-            for count in (1, 2):
-                made = batch_of(folder, "--workers", str(count), "--threads", "1")
-                rates.setdefault(("batch", count), []).append(made)
-                rates.setdefault(("bare", count), []).append(bare(folder, count))
-    found = {key: statistics.median(each) for key, each in rates.items()}
+        photos(folder, 8)
+        doing: dict[str, Bare | Batch] = {}
+        for count in (1, 2):
+            doing[f"bare {count}"] = Bare(count)
+            doing[f"batch {count}"] = Batch(LocalEngine(count, Limits()), folder)
+        try:
+            rates, _ = by_turns(folder, PHOTOS, doing)
+        finally:
+            for each in doing.values():
+                each.end()
+    middle = {each: statistics.median(found) for each, found in rates.items()}
     told = [
-        f"{found[kind, 1]:.1f}/s by one, {found[kind, 2]:.1f}/s by two, {found[kind, 2] / found[kind, 1]:.2f} times"
+        f"{middle[f'{kind} 1']:.1f}/s by one, {middle[f'{kind} 2']:.1f}/s by two, "
+        f"{over(rates, f'{kind} 2', f'{kind} 1'):.2f} times"
         for kind in ("batch", "bare")
     ]
     return f"{told[0]}; bare processes {told[1]}"
@@ -179,46 +241,21 @@ def loopback() -> str:
 
 
 def dask() -> str:
-    """The same items by two processes here and by a cluster of two, by turns."""
+    """The same items by two bare processes, by two of a batch here, and by a cluster of two."""
     from lichen_batch.cluster import DaskEngine
-    from lichen_batch.hands import Limits, LocalEngine
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         photos(folder, 8, 560, 760)
-        engines: list[Engine] = [LocalEngine(2, Limits()), DaskEngine("", 2, Limits())]
-        taken: list[list[float]] = [[], []]
-        work: list[float] = []
+        doing = {"bare": Bare(2), "here": Batch(LocalEngine(2, Limits()), folder)}
         try:
-            for number in range(1 + ROUNDS_OF_BATCHES):  # the first warms up
-                for engine, seconds in zip(engines, taken, strict=True):
-                    took, outcomes = _done(engine, folder, 8 if quick() or not number else 80, number)
-                    if number:
-                        seconds.append(took / len(outcomes))
-                        work += [
-                            sum(taken for stage, taken in each.seconds.items() if "." not in stage) for each in outcomes
-                        ]
+            doing["there"] = Batch(DaskEngine("", 2, Limits()), folder)
+            rates, seconds = by_turns(folder, PHOTOS, doing)
         finally:
-            for engine in engines:
-                engine.end()
-    here, there = (statistics.median(each) for each in taken)
-    return f"items of {statistics.mean(work) * 1e3:.0f} ms: {there / here - 1:.1%} longer than by two processes here"
-
-
-def _done(engine: Engine, folder: Path, count: int, number: int) -> tuple[float, list[Outcome]]:
-    """Seconds that so many items take, and what came of them."""
-    from lichen_batch.item import Item
-
-    began = time.monotonic()
-    waiting, outcomes = [], []
-    for at in range(count):
-        places = {"image": str(folder / f"{at % 8}.jpg")}, {"result": str(folder / f"made-{at}.jpg")}
-        values = {"sigma": 5 + at / 1000 + number / 10}
-        waiting.append(engine.submit(Item(str(at), "gaussian", None, *places, {"result": "jpeg"}, values)))
-        if len(waiting) >= engine.capacity:
-            outcomes.append(waiting.pop(0).result())
-    outcomes += [each.result() for each in waiting]
-    return time.monotonic() - began, outcomes
+            for each in doing.values():
+                each.end()
+    bare, here = (over(rates, each, "there") - 1 for each in ("bare", "here"))
+    return f"items of {seconds * 1e3:.0f} ms: {bare:.1%} longer than by two bare processes, {here:.1%} than by two here"
 
 
 def tiles() -> str:
