@@ -8,8 +8,8 @@ pixels go straight to where they are stored.
 
 A task of Dask costs its scheduler, its worker and its client some 10 ms together, so a task is as many items as take
 about a second, by what the last ones took, and fewer towards the end, for all workers to end at once. A worker hands
-back what it has not begun when a task lasts twice as long. Items of a task that several workers died of are done one
-by one, which finds the one to blame.
+back what it has not begun when a task lasts twice as long as that. Items of a task that several workers died of are
+done one by one, which finds the one to blame.
 
 The scheduler and its workers need this package installed, in the same version.
 """
@@ -41,7 +41,7 @@ LASTING = 1.0
 """Seconds that the items of a task take together."""
 MOST = 100
 """Items of a task."""
-SHARE = 5
+SHARE = 10
 """The last tasks are of no fewer items than this share of a usual one."""
 WAITING = 60.0
 """Seconds until a cluster without a worker is given up."""
@@ -162,7 +162,7 @@ class DaskEngine:
     @property
     def _usual(self) -> int:
         """Items of a task."""
-        return max(1, min(int(LASTING / self._seconds), MOST))
+        return max(1, int(LASTING / self._seconds))
 
     def _hand_out(self) -> None:
         """Gives tasks to the cluster while it has too few. The lock is held."""
@@ -209,7 +209,8 @@ class DaskEngine:
         with self._lock:
             self._at_work -= 1
             if outcomes:
-                self._seconds = (self._seconds + sum(each.whole for each in outcomes) / len(outcomes)) / 2
+                lately = sum(each.whole for each in outcomes) / len(outcomes)
+                self._seconds = max(min(lately, (self._seconds + lately) / 2), LASTING / MOST)
             self._todo.extendleft(reversed(again))
             self._hand_out()
         for each, outcome in zip(asked, outcomes, strict=False):

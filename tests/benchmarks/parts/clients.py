@@ -130,38 +130,43 @@ def batch_of(folder: Path, *further: str) -> float:
 class Bare:
     """So many processes that do items in a loop, without a batch around them: what this machine can give."""
 
-    name = "bare"
-
     def __init__(self, processes: int) -> None:
-        code = """
-import json, sys
+        self._next, self._given = os.pipe()  # numbers of items, each read by whichever process comes first
+        code = f"""
+import json, os, sys
 from lichen_batch.item import Item
 from lichen_batch.work import perform
 from lichen_client import Client
 with Client(local=True) as client:
     for line in sys.stdin:
-        outcomes = [perform(client, Item.from_json(each)) for each in json.loads(line)]
+        items, outcomes = json.loads(line), []
+        while number := int(os.read({self._next}, 8)):
+            outcomes.append(perform(client, Item.from_json(items[number - 1])))
         assert all(each.ok for each in outcomes)
         print(sum(each.whole for each in outcomes), flush=True)
 """
         environment = {**os.environ, **ALONE, "MALLOC_ARENA_MAX": "2"}
-        command, pipe = [sys.executable, "-c", code], subprocess.PIPE
+        command, pipe, given = [sys.executable, "-c", code], subprocess.PIPE, (self._next,)
         self._running = [
-            subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) for _ in range(processes)
+            subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment, pass_fds=given)
+            for _ in range(processes)
         ]
 
     def do(self, items: list[Item]) -> float:
         """Seconds that the stages of all items took together."""
-        for at, each in enumerate(self._running):
+        for each in self._running:
             assert each.stdin
-            said = [item.to_json() for item in items[at :: len(self._running)]]
-            each.stdin.write(json.dumps(said) + "\n")
+            each.stdin.write(json.dumps([item.to_json() for item in items]) + "\n")
             each.stdin.flush()
+        numbers = [*range(1, len(items) + 1), *(0 for _ in self._running)]
+        os.write(self._given, b"".join(b"%8d" % each for each in numbers))
         return sum(float(each.stdout.readline()) for each in self._running if each.stdout)
 
     def end(self) -> None:
         for each in self._running:
             each.communicate()
+        os.close(self._next)
+        os.close(self._given)
 
 
 class Batch:
@@ -182,11 +187,13 @@ class Batch:
         self._engine.end()
 
 
-def by_turns(folder: Path, count: int, doing: dict[str, Bare | Batch]) -> tuple[dict[str, list[float]], float]:
+def by_turns(
+    folder: Path, count: int, rounds: int, doing: dict[str, Bare | Batch]
+) -> tuple[dict[str, list[float]], float]:
     """Items a second of each, round by round; and the seconds of an item."""
     rates: dict[str, list[float]] = {name: [] for name in doing}
     seconds = []
-    for number in range(1 + ROUNDS_OF_BATCHES):  # the first warms up
+    for number in range(1 + rounds):  # the first warms up
         items = [_item(folder, at, number) for at in range(count if number else 16)]
         for name, each in doing.items():
             began = time.monotonic()
@@ -217,7 +224,7 @@ def batch() -> str:
             doing[f"bare {count}"] = Bare(count)
             doing[f"batch {count}"] = Batch(LocalEngine(count, Limits()), folder)
         try:
-            rates, _ = by_turns(folder, PHOTOS, doing)
+            rates, _ = by_turns(folder, PHOTOS, ROUNDS_OF_BATCHES, doing)
         finally:
             for each in doing.values():
                 each.end()
@@ -250,7 +257,7 @@ def dask() -> str:
         doing = {"bare": Bare(2), "here": Batch(LocalEngine(2, Limits()), folder)}
         try:
             doing["there"] = Batch(DaskEngine("", 2, Limits()), folder)
-            rates, seconds = by_turns(folder, PHOTOS, doing)
+            rates, seconds = by_turns(folder, 2 * PHOTOS, -(-ROUNDS_OF_BATCHES // 2), doing)
         finally:
             for each in doing.values():
                 each.end()
