@@ -147,8 +147,11 @@ with Client(local=True) as client:
 """
         environment = {**os.environ, **ALONE, "MALLOC_ARENA_MAX": "2"}
         command, pipe, given = [sys.executable, "-c", code], subprocess.PIPE, (self._next,)
+        # In a session of its own as those of a batch are: the system shares its processors out to sessions.
         self._running = [
-            subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment, pass_fds=given)
+            subprocess.Popen(
+                command, stdin=pipe, stdout=pipe, text=True, env=environment, pass_fds=given, start_new_session=True
+            )
             for _ in range(processes)
         ]
 
