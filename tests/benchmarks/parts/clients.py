@@ -10,6 +10,7 @@ compared with one another, since the machine's speed changes from round to round
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -20,6 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -190,32 +192,59 @@ class Batch:
         self._engine.end()
 
 
-def by_turns(
-    folder: Path, count: int, rounds: int, doing: dict[str, Bare | Batch]
-) -> tuple[dict[str, list[float]], float]:
-    """Items a second of each, round by round; and the seconds of an item."""
-    rates: dict[str, list[float]] = {name: [] for name in doing}
-    seconds = []
+@dataclass
+class Turns:
+    """What was found round by round, by the names of those who did the items."""
+
+    rates: dict[str, list[float]] = field(default_factory=dict)
+    """items a second"""
+    processor: dict[str, list[float]] = field(default_factory=dict)
+    """seconds of processor time an item, of all processes"""
+    seconds: list[float] = field(default_factory=list)
+    """that an item took"""
+
+    def over(self, one: str, other: str) -> float:
+        """How many times as fast the one is as the other: the median of rounds."""
+        return statistics.median(a / b for a, b in zip(self.rates[one], self.rates[other], strict=True))
+
+    def milliseconds(self, name: str) -> float:
+        """Of processor time an item."""
+        return statistics.median(self.processor[name]) * 1e3
+
+
+def by_turns(folder: Path, count: int, rounds: int, doing: dict[str, Bare | Batch]) -> Turns:
+    turns = Turns()
     for number in range(1 + rounds):  # the first warms up
         items = [_item(folder, at, number) for at in range(count if number else 16)]
         for name, each in doing.items():
-            began = time.monotonic()
+            used, began = _processor_seconds(), time.monotonic()
             taken = each.do(items)
+            elapsed, used = time.monotonic() - began, _processor_seconds() - used
             if number:
-                rates[name].append(len(items) / (time.monotonic() - began))
-                seconds.append(taken / len(items))
-    return rates, statistics.median(seconds)
+                turns.rates.setdefault(name, []).append(len(items) / elapsed)
+                turns.processor.setdefault(name, []).append(used / len(items))
+                turns.seconds.append(taken / len(items))
+    return turns
+
+
+def _processor_seconds() -> float:
+    """What this process and all that came of it have used."""
+    children: dict[int, list[tuple[int, int]]] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            said = stat.read_text().rpartition(")")[2].split()
+            children.setdefault(int(said[1]), []).append((int(stat.parent.name), int(said[11]) + int(said[12])))
+
+    def below(process: int) -> int:
+        return sum(ticks + below(child) for child, ticks in children.get(process, []))
+
+    return time.process_time() + below(os.getpid()) / os.sysconf("SC_CLK_TCK")
 
 
 def _item(folder: Path, at: int, number: int) -> Item:
     places = {"image": str(folder / f"{at % 8}.jpg")}, {"result": str(folder / f"made-{at}.jpg")}
     values = {"sigma": 5 + at / 1000 + number / 10}
     return Item(f"{number}-{at}", "gaussian", None, *places, {"result": "jpeg"}, values, f"{number}-{at}")
-
-
-def over(rates: dict[str, list[float]], one: str, other: str) -> float:
-    """How many times as fast the one is as the other: the median of rounds."""
-    return statistics.median(a / b for a, b in zip(rates[one], rates[other], strict=True))
 
 
 def batch() -> str:
@@ -227,14 +256,15 @@ def batch() -> str:
             doing[f"bare {count}"] = Bare(count)
             doing[f"batch {count}"] = Batch(LocalEngine(count, Limits()), folder)
         try:
-            rates, _ = by_turns(folder, PHOTOS, ROUNDS_OF_BATCHES, doing)
+            turns = by_turns(folder, PHOTOS, ROUNDS_OF_BATCHES, doing)
         finally:
             for each in doing.values():
                 each.end()
-    middle = {each: statistics.median(found) for each, found in rates.items()}
+    middle = {each: statistics.median(found) for each, found in turns.rates.items()}
     told = [
         f"{middle[f'{kind} 1']:.1f}/s by one, {middle[f'{kind} 2']:.1f}/s by two, "
-        f"{over(rates, f'{kind} 2', f'{kind} 1'):.2f} times"
+        f"{turns.over(f'{kind} 2', f'{kind} 1'):.2f} times, "
+        f"{turns.milliseconds(f'{kind} 2'):.1f} ms of processor time an item"
         for kind in ("batch", "bare")
     ]
     return f"{told[0]}; bare processes {told[1]}"
@@ -257,15 +287,19 @@ def dask() -> str:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         photos(folder, 8, 560, 760)
-        doing = {"bare": Bare(2), "here": Batch(LocalEngine(2, Limits()), folder)}
+        doing: dict[str, Bare | Batch] = {"bare": Bare(2), "here": Batch(LocalEngine(2, Limits()), folder)}
         try:
             doing["there"] = Batch(DaskEngine("", 2, Limits()), folder)
-            rates, seconds = by_turns(folder, 2 * PHOTOS, -(-ROUNDS_OF_BATCHES // 2), doing)
+            turns = by_turns(folder, 2 * PHOTOS, -(-ROUNDS_OF_BATCHES // 2), doing)
         finally:
             for each in doing.values():
                 each.end()
-    bare, here = (over(rates, each, "there") - 1 for each in ("bare", "here"))
-    return f"items of {seconds * 1e3:.0f} ms: {bare:.1%} longer than by two bare processes, {here:.1%} than by two here"
+    bare, here = (turns.over(each, "there") - 1 for each in ("bare", "here"))
+    used = ", ".join(f"{turns.milliseconds(each):.1f} {each}" for each in doing)
+    return (
+        f"items of {statistics.median(turns.seconds) * 1e3:.0f} ms: {bare:.1%} longer than by two bare processes, "
+        f"{here:.1%} than by two here; ms of processor time an item: {used}"
+    )
 
 
 def tiles() -> str:
