@@ -263,8 +263,15 @@ def test_an_item_that_hangs_or_dies_costs_itself_alone(tmp_path: Path) -> None:
     hand = Hand(Limits(seconds=0.3))
     slow = waiting_item(tmp_path)
     try:
-        assert hand.do(quick_item(tmp_path)).ok
-        late = hand.do(slow)
+        quick = quick_item(tmp_path)
+        assert hand.do(quick).ok
+        # Each is handed to the process while it does the one before: so is the last, which ends with the process.
+        following = iter([slow, quick])
+        said = list(hand.each(quick, lambda: next(following, None)))
+        assert [item.id for item, _ in said] == ["quick", "slow", "quick"]
+        before, late, after = (outcome for _, outcome in said)
+        assert before.ok
+        assert after.ok
         assert late.problem is not None
         assert (late.problem.code, late.problem.retryable) == ("too-slow", False)
         hand._limits = Limits()

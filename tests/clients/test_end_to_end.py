@@ -23,7 +23,7 @@ from lichen.catalogue import operations
 from lichen.files import decode, encode
 from lichen.image import Image, Space, Storage
 from lichen_cli.main import main
-from lichen_client import AsyncClient, Client, NotFound, Retries, StatusError, Unprocessable
+from lichen_client import AsyncClient, Client, NotFound, Result, Retries, StatusError, Unprocessable
 
 START = 60.0
 """Seconds the service may take to say where it listens; generous, since only a hang should fail here."""
@@ -118,6 +118,9 @@ def test_scenes_are_rendered_and_explained(url: str, client: Client) -> None:
             return (await other.render(scene, images={"sky": sky})).array
 
     np.testing.assert_array_equal(asyncio.run(once()), made.array)
+    later = client.submit_scene(scene, images={"sky": sky}).result(60)
+    assert isinstance(later, Result)
+    assert later.content == made.content
     said = client.explain_scene(scene, images={"sky": sky})
     assert {"node": "fog", "reason": "its density is 0"}.items() <= {
         key: value for each in said["decisions"] if each["node"] == "fog" for key, value in each.items()

@@ -6,15 +6,24 @@ it was doing, which the scheduler gives to others; outputs are written whole or 
 twice was done once. No more items are handed out than keep all workers busy, and what comes back is an account:
 pixels go straight to where they are stored.
 
+A task of Dask costs its scheduler, its worker and its client some 10 ms together, so a task is as many items as take
+about a second, by what the last ones took, and fewer towards the end, for all workers to end at once. A worker hands
+back what it has not begun when a task lasts twice as long as that. Items of a task that several workers died of are
+done one by one, which finds the one to blame.
+
 The scheduler and its workers need this package installed, in the same version.
 """
 
 from __future__ import annotations
 
 import os
+import threading
 import time
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from secrets import token_hex
 from typing import Any
 
 import dask
@@ -27,9 +36,22 @@ from lichen_batch.item import Item, Outcome, Problem, failure
 
 NAME = "lichen-hands"
 AHEAD = 2
-"""Items for each thread of the cluster: the one at work, and one that waits for it."""
+"""Tasks for each thread of the cluster: the one at work, and one that waits for it."""
+LASTING = 1.0
+"""Seconds that the items of a task take together."""
+MOST = 100
+"""Items of a task."""
+SHARE = 10
+"""The last tasks are of no fewer items than this share of a usual one."""
 WAITING = 60.0
 """Seconds until a cluster without a worker is given up."""
+
+QUIET = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+"""Settings of a cluster of our own, whose workers only wait: what Dask would look at meanwhile, nobody sees."""
 
 
 class Workbench(WorkerPlugin):
@@ -60,12 +82,37 @@ def given_by_dask() -> set[str]:
     return {name for name, value in given.items() if os.environ.get(name) == str(value)}
 
 
-def do(said: Mapping[str, Any]) -> dict[str, Any]:
-    """One item, on a worker."""
+def do(said: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The first of these items, as many as are begun in time, on a worker."""
     bench = get_worker().plugins[NAME]
     assert isinstance(bench, Workbench)
     assert bench.hands is not None
-    return bench.hands.do(Item.from_json(said)).to_json()
+    items = iter([Item.from_json(each) for each in said])
+    with bench.hands.one() as hand:
+        until = time.monotonic() + 2 * LASTING
+        done = hand.each(next(items), lambda: next(items, None) if time.monotonic() < until else None)
+        return [outcome.to_json() for _, outcome in done]
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    item: Item
+    promised: Future[Outcome]
+    begun: bool = False
+    """whether it was in a task before, so that it cannot be cancelled"""
+    alone: bool = False
+    """whether it shall be a task of its own"""
+
+    def answer(self, outcome: Outcome) -> None:
+        self.promised.set_result(outcome)
+
+    def fail(self, code: str, detail: str) -> None:
+        self.answer(failure(self.item, Problem(code, detail, retryable=True)))
+
+
+def _lost(asked: Sequence[_Asked], wrong: BaseException) -> None:
+    for each in asked:
+        each.fail("lost", f"{type(wrong).__name__}: {wrong}")
 
 
 class DaskEngine:
@@ -76,7 +123,7 @@ class DaskEngine:
         """
         self._cluster = None
         if not address:
-            with dask.config.set({"distributed.worker.profile.enabled": False}):  # its workers only wait
+            with dask.config.set(QUIET):
                 self._cluster = LocalCluster(
                     n_workers=workers,
                     threads_per_worker=1,
@@ -89,35 +136,89 @@ class DaskEngine:
         self._client.wait_for_workers(1, timeout=WAITING)
         self.name = f"Dask at {self._client.scheduler_info()['address']}"
         self._threads, self._looked = 1, float("-inf")
+        self._todo: deque[_Asked] = deque()
+        self._at_work = 0
+        """tasks"""
+        self._seconds = LASTING
+        """that an item takes, about"""
+        self._lock = threading.Lock()
 
     @property
     def capacity(self) -> int:
-        """Follows the cluster as workers come and go."""
+        """Follows the cluster as workers come and go. What keeps it busy, and as much to choose the next tasks from."""
         now = time.monotonic()
-        if now - self._looked > 1.0:
+        if now - self._looked > 2.0:
             self._looked = now
             self._threads = max(sum(self._client.nthreads().values()), 1)
-        return AHEAD * self._threads
+        return 2 * AHEAD * self._threads * self._usual
 
     def submit(self, item: Item) -> Future[Outcome]:
         promised: Future[Outcome] = Future()
-        promised.set_running_or_notify_cancel()
-        sent = self._client.submit(do, item.to_json(), key=f"lichen-{item.digest}-{time.monotonic_ns()}", pure=False)
-
-        def answer(done: Any) -> None:
-            try:
-                promised.set_result(Outcome.from_json(done.result()))
-            except KilledWorker as killed:
-                promised.set_result(failure(item, Problem("died", str(killed), retryable=True)))
-            except BaseException as wrong:  # whatever Dask raises, somebody waits for an answer
-                promised.set_result(failure(item, Problem("lost", f"{type(wrong).__name__}: {wrong}", retryable=True)))
-            finally:
-                done.release()
-
-        sent.add_done_callback(answer)
+        with self._lock:
+            self._todo.append(_Asked(item, promised))
+            self._hand_out()
         return promised
 
+    @property
+    def _usual(self) -> int:
+        """Items of a task."""
+        return max(1, int(LASTING / self._seconds))
+
+    def _hand_out(self) -> None:
+        """Gives tasks to the cluster while it has too few. The lock is held."""
+        while self._at_work < AHEAD * self._threads and (asked := self._next()):
+            self._at_work += 1
+            said = [each.item.to_json() for each in asked]
+            try:
+                sent = self._client.submit(do, said, key=f"lichen-{token_hex(8)}", pure=False)
+            except Exception as wrong:
+                self._at_work -= 1
+                _lost(asked, wrong)
+            else:
+                sent.add_done_callback(lambda done, asked=asked: self._answer(done, asked))
+
+    def _next(self) -> list[_Asked]:
+        """The items of a task; none where there are none."""
+        usual = self._usual
+        share = -(-len(self._todo) // (AHEAD * self._threads))
+        asked: list[_Asked] = []
+        while self._todo and len(asked) < max(min(share, usual), usual // SHARE, 1):
+            if asked and (self._todo[0].alone or asked[0].alone):
+                break
+            each = self._todo.popleft()
+            if each.begun or each.promised.set_running_or_notify_cancel():
+                asked.append(replace(each, begun=True))
+        return asked
+
+    def _answer(self, done: Any, asked: list[_Asked]) -> None:
+        """A task has ended, whatever came of it."""
+        outcomes: list[Outcome] = []
+        again: list[_Asked] = []
+        try:
+            outcomes = [Outcome.from_json(each) for each in done.result()]
+            again = asked[len(outcomes) :]
+        except KilledWorker as killed:
+            if len(asked) == 1:
+                asked[0].fail("died", str(killed))
+            else:
+                again = [replace(each, alone=True) for each in asked]
+        except BaseException as wrong:  # whatever Dask raises, somebody waits for an answer
+            _lost(asked, wrong)
+        finally:
+            done.release()
+        with self._lock:
+            self._at_work -= 1
+            if outcomes:
+                lately = sum(each.whole for each in outcomes) / len(outcomes)
+                self._seconds = max(min(lately, (self._seconds + lately) / 2), LASTING / MOST)
+            self._todo.extendleft(reversed(again))
+            self._hand_out()
+        for each, outcome in zip(asked, outcomes, strict=False):
+            each.answer(outcome)
+
     def end(self) -> None:
+        with self._lock:
+            self._todo.clear()
         self._client.close(timeout=5)
         if self._cluster is not None:
             self._cluster.close(timeout=10)

@@ -18,8 +18,9 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Set
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterator, Set
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +31,8 @@ STARTING = 300.0
 """Seconds a process has to be ready: on a machine that never ran one, kernels are compiled meanwhile."""
 LOOK = 0.02
 """Seconds between looks at the memory of a process at work."""
+SHORT = 1.0
+"""Seconds: behind an item that took less, the next is handed to the same process before it is asked for."""
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
@@ -59,17 +62,43 @@ class Hand:
         self._errors: Path | None = None
         self._warm = False
         """whether it has said that it is ready"""
+        self._given = 0
+        """items it was handed and has not answered"""
+        self._closed = False
+        self._lock = threading.RLock()
 
     def do(self, item: Item) -> Outcome:
         """The outcome of an item, whatever becomes of the process."""
+        return next(self.each(item, lambda: None))[1]
+
+    def each(self, first: Item, more: Callable[[], Item | None]) -> Iterator[tuple[Item, Outcome]]:
+        """The outcomes of an item and of all that `more` gives, one after the other, until it gives None."""
+        todo = deque([first])
+        before = float("inf")
+        while todo:
+            if before < SHORT and len(todo) < 2 and (following := more()) is not None:
+                todo.append(following)
+            began = time.monotonic()
+            outcome = self._first(todo)
+            before = time.monotonic() - began
+            yield todo.popleft(), outcome
+            if not todo and (following := more()) is not None:
+                todo.append(following)
+
+    def _first(self, todo: deque[Item]) -> Outcome:
+        """The outcome of the first of these items, all of which the process is given."""
         began = time.monotonic()
         try:
             process = self._ready()
             began = time.monotonic()
             assert process.stdin is not None
-            process.stdin.write(json.dumps(item.to_json(), separators=(",", ":")).encode() + b"\n")
+            while self._given < len(todo):
+                process.stdin.write(json.dumps(todo[self._given].to_json(), separators=(",", ":")).encode() + b"\n")
+                self._given += 1
             process.stdin.flush()
-            return Outcome.from_json(json.loads(self._line(self._limits.seconds, self._limits.memory)))
+            outcome = Outcome.from_json(json.loads(self._line(self._limits.seconds, self._limits.memory)))
+            self._given -= 1
+            return outcome
         except TimeoutError:
             self.end()
             problem = Problem("too-slow", f"It took longer than {self._limits.seconds:g} s.")
@@ -80,12 +109,15 @@ class Hand:
             how = self._how(died)
             self.end()
             problem = Problem("died", f"The process that did it ended: {how}", retryable=True)
-        return failure(item, problem, {"ask": round(time.monotonic() - began, 6)})
+        return failure(todo[0], problem, {"ask": round(time.monotonic() - began, 6)})
 
     def start(self) -> None:
         """Begins to start the process, which takes seconds."""
-        if self._process is not None and self._process.poll() is None:
-            return
+        with self._lock:
+            if not self._closed and (self._process is None or self._process.poll() is not None):
+                self._start()
+
+    def _start(self) -> None:
         self.end()
         handle, name = tempfile.mkstemp(prefix="lichen-hand-", suffix=".log")
         self._errors = Path(name)
@@ -114,7 +146,8 @@ class Hand:
         fresh = self._process is None or self._process.poll() is not None
         if fresh:
             self.start()
-        assert self._process is not None
+        if self._process is None:
+            raise Ended("nothing more is done")
         if fresh or not self._warm:
             try:
                 self._line(STARTING, None)
@@ -124,8 +157,8 @@ class Hand:
         return self._process
 
     def end(self) -> None:
-        """Kills the process."""
-        self._warm = False
+        """Kills the process; the next item starts another."""
+        self._warm, self._given = False, 0
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -137,6 +170,13 @@ class Hand:
         if self._errors is not None:
             self._errors.unlink(missing_ok=True)
             self._errors = None
+
+    def close(self) -> None:
+        """Kills the process for good. From any thread."""
+        with self._lock:
+            self._closed = True
+            if self._process is not None:
+                self._process.kill()
 
     def _line(self, seconds: float | None, memory: int | None) -> bytes:
         """The next line it says. Raises `TimeoutError`, `MemoryError` or `Ended`."""
@@ -163,7 +203,8 @@ class Hand:
 
     def _how(self, died: Exception) -> str:
         """How the process ended, and the last that it said."""
-        assert self._process is not None
+        if self._process is None:
+            return str(died)
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(5.0)
         status = self._process.returncode
@@ -207,11 +248,14 @@ class Hands:
         finally:
             self._free.put(hand)
 
-    def do(self, item: Item) -> Outcome:
-        with self.one() as hand:
-            return hand.do(item)
+    def close(self) -> None:
+        """Kills all processes: whoever waits for one gets an answer, and none is started any more."""
+        for each in self._all:
+            each.close()
 
     def end(self) -> None:
+        """Clears away what is left when nobody uses them."""
+        self.close()
         for each in self._all:
             each.end()
 
@@ -220,16 +264,54 @@ class LocalEngine:
     """Items done by processes of this machine."""
 
     def __init__(self, count: int, limits: Limits) -> None:
-        self.capacity = count
+        self.capacity = 3 * count  # one at work, one behind it, and one for when that is begun
         self.name = f"{count} process{'es' if count > 1 else ''} here"
         self._hands = Hands(count, limits)
-        self._pool = ThreadPoolExecutor(count, thread_name_prefix="hand")
         self._hands.start()
+        self._todo: queue.SimpleQueue[tuple[Item, Future[Outcome]] | None] = queue.SimpleQueue()
+        self._threads = [threading.Thread(target=self._work, name=f"hand-{at}", daemon=True) for at in range(count)]
+        for each in self._threads:
+            each.start()
 
     def submit(self, item: Item) -> Future[Outcome]:
-        return self._pool.submit(self._hands.do, item)
+        promised: Future[Outcome] = Future()
+        self._todo.put((item, promised))
+        return promised
+
+    def _work(self) -> None:
+        """Has one process do what there is to do, until there will be no more."""
+        begun: deque[Future[Outcome]] = deque()
+
+        def taken(wait: bool = False) -> Item | None:
+            while True:
+                try:
+                    each = self._todo.get(block=wait)
+                except queue.Empty:
+                    return None
+                if each is None:
+                    self._todo.put(None)  # for the other threads
+                    return None
+                if each[1].set_running_or_notify_cancel():
+                    begun.append(each[1])
+                    return each[0]
+
+        with self._hands.one() as hand:
+            while (item := taken(wait=True)) is not None:
+                try:
+                    for _, outcome in hand.each(item, taken):
+                        begun.popleft().set_result(outcome)
+                except Exception as wrong:  # somebody waits for an answer
+                    hand.end()
+                    while begun:
+                        begun.popleft().set_exception(wrong)
 
     def end(self) -> None:
         """Kills what is still at work."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        with contextlib.suppress(queue.Empty):
+            while (each := self._todo.get_nowait()) is not None:
+                each[1].cancel()
+        self._todo.put(None)
+        self._hands.close()
+        for thread in self._threads:
+            thread.join()
         self._hands.end()

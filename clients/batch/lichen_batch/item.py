@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 OK, FAILED = "ok", "failed"
@@ -31,7 +31,7 @@ class Item:
     scene: Mapping[str, Any] | None = None
 
     def to_json(self) -> dict[str, Any]:
-        return asdict(self)
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Item:
@@ -80,9 +80,17 @@ class Outcome:
     def ok(self) -> bool:
         return self.status == OK
 
+    @property
+    def whole(self) -> float:
+        """Seconds of all stages together."""
+        return sum(taken for stage, taken in self.seconds.items() if "." not in stage)
+
     def to_json(self) -> dict[str, Any]:
         """Without what is empty."""
-        return {name: value for name, value in asdict(self).items() if value not in (None, "", {}, 0)}
+        said = {each.name: getattr(self, each.name) for each in fields(self)}
+        if self.problem is not None:
+            said["problem"] = asdict(self.problem)
+        return {name: value for name, value in said.items() if value not in (None, "", {}, 0)}
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Outcome:

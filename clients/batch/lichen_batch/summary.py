@@ -48,9 +48,8 @@ class Account:
         self.bytes_written += sum(int(each["bytes"]) for each in outcome.outputs.values())
         for stage, taken in outcome.seconds.items():
             self.seconds.setdefault(stage, []).append(taken)
-        whole = sum(taken for stage, taken in outcome.seconds.items() if "." not in stage)
-        self.seconds.setdefault("item", []).append(whole)
-        self.slowest = sorted([*self.slowest, (whole, outcome.id)], reverse=True)[:SLOWEST]
+        self.seconds.setdefault("item", []).append(outcome.whole)
+        self.slowest = sorted([*self.slowest, (outcome.whole, outcome.id)], reverse=True)[:SLOWEST]
         if outcome.error is not None:
             self.errors.append(outcome.error)
         if outcome.measured is not None:

@@ -236,9 +236,9 @@ def read_result(reply: Reply) -> Result:
 
 
 def read_any(reply: Reply) -> Result | Results:
-    """The result or the results in the answer that a job kept. Raises as `read_result`."""
-    several = any(name == "lichen-output" for part in parts_of(reply) for name in part[0]) if is_mixed(reply) else False
-    return read_results(reply) if several else read_result(reply)
+    """The result, or the results where there are several, in the answer that a job kept. Raises as `read_result`."""
+    names = {headers.get("lichen-output", "") for headers, _ in parts_of(reply)} - {""} if is_mixed(reply) else set()
+    return read_results(reply) if len(names) > 1 else read_result(reply)
 
 
 def read_asset(reply: Reply) -> Asset:

@@ -3,12 +3,14 @@
 The client and the socket ask one service for the same, by turns, and their medians are compared. Batches are of photos
 that are blurred: one process, two, a service on loopback, and a cluster. Kernels and codecs of every process that does
 items run on one thread, in the runs that are compared with one another: on a machine of two processors one process
-would otherwise use both of them. Beside batches of one process and of two stands what bare processes compute that do
-nothing else, by turns: where two of them are not twice as fast as one, no batch can be.
+would otherwise use both of them. Beside them, by turns, bare processes do the same items in a loop, with no batch
+around it: where two of them are not twice as fast as one, no batch can be. All are warm, and a round's figures are
+compared with one another, since the machine's speed changes from round to round; medians of rounds are told.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -19,6 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +32,11 @@ from sections import Section, table
 from lichen.files import encode
 from lichen.image import Image, Space, Storage
 from lichen_batch.engines import Engine
-from lichen_batch.item import Outcome
+from lichen_batch.hands import Limits, LocalEngine
+from lichen_batch.item import Item
+from lichen_batch.journal import Journal
+from lichen_batch.run import Rules, Stop, run
+from lichen_batch.summary import Account
 from lichen_client import Client
 
 TITLE = "Clients and batches"
@@ -37,7 +44,7 @@ PHOTOS = int(os.environ.get("LICHEN_PHOTOS", "16" if quick() else "120"))
 ROUNDS = 10 if quick() else 200
 SIDE = int(os.environ.get("LICHEN_SIDE", "1024" if quick() else "8192"))
 """Of the array that is done in tiles."""
-ROUNDS_OF_BATCHES = int(os.environ.get("LICHEN_ROUNDS", "1" if quick() else "3"))
+ROUNDS_OF_BATCHES = int(os.environ.get("LICHEN_ROUNDS", "1" if quick() else "9"))
 ALONE = dict.fromkeys(("LICHEN_PROCESSORS", "OPENCV_FOR_THREADS_NUM"), "1")
 """Lets kernels and codecs of a process run on one thread."""
 
@@ -122,47 +129,142 @@ def batch_of(folder: Path, *further: str) -> float:
     return (count - begun) / ((last or time.monotonic()) - first)
 
 
-def bare(folder: Path, processes: int, seconds: float = 1.0 if quick() else 3.0) -> float:
-    """Items a second that so many processes compute without a batch around them: what this machine can give."""
-    code = f"""
-import sys, time
+class Bare:
+    """So many processes that do items in a loop, without a batch around them: what this machine can give."""
+
+    def __init__(self, processes: int) -> None:
+        self._next, self._given = os.pipe()  # numbers of items, each read by whichever process comes first
+        code = f"""
+import json, os, sys
+from lichen_batch.item import Item
+from lichen_batch.work import perform
 from lichen_client import Client
-client, photo = Client(local=True), open({str(folder / "0.jpg")!r}, "rb").read()
-client.run("gaussian", photo, sigma=4, format="jpeg")
-print("ready", flush=True); sys.stdin.readline()
-count, until = 0, time.monotonic() + {seconds}
-while time.monotonic() < until:
-    client.run("gaussian", photo, sigma=4, format="jpeg"); count += 1
-print(count, flush=True)
+with Client(local=True) as client:
+    for line in sys.stdin:
+        items, outcomes = json.loads(line), []
+        while number := int(os.read({self._next}, 8)):
+            outcomes.append(perform(client, Item.from_json(items[number - 1])))
+        assert all(each.ok for each in outcomes)
+        print(sum(each.whole for each in outcomes), flush=True)
 """
-    environment = {**os.environ, **ALONE, "MALLOC_ARENA_MAX": "2"}
-    command, pipe = [sys.executable, "-c", code], subprocess.PIPE
-    running = [subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) for _ in range(processes)]
-    pipes = [(each.stdin, each.stdout) for each in running if each.stdin and each.stdout]
-    for _, said in pipes:
-        said.readline()
-    for asking, _ in pipes:
-        asking.write("go\n")
-        asking.flush()
-    count = sum(int(said.readline()) for _, said in pipes)
-    for each in running:
-        each.communicate()
-    return count / seconds
+        environment = {**os.environ, **ALONE, "MALLOC_ARENA_MAX": "2"}
+        command, pipe, given = [sys.executable, "-c", code], subprocess.PIPE, (self._next,)
+        # In a session of its own as those of a batch are: the system shares its processors out to sessions.
+        self._running = [
+            subprocess.Popen(
+                command, stdin=pipe, stdout=pipe, text=True, env=environment, pass_fds=given, start_new_session=True
+            )
+            for _ in range(processes)
+        ]
+
+    def do(self, items: list[Item]) -> float:
+        """Seconds that the stages of all items took together."""
+        for each in self._running:
+            assert each.stdin
+            each.stdin.write(json.dumps([item.to_json() for item in items]) + "\n")
+            each.stdin.flush()
+        numbers = [*range(1, len(items) + 1), *(0 for _ in self._running)]
+        os.write(self._given, b"".join(b"%8d" % each for each in numbers))
+        return sum(float(each.stdout.readline()) for each in self._running if each.stdout)
+
+    def end(self) -> None:
+        for each in self._running:
+            each.communicate()
+        os.close(self._next)
+        os.close(self._given)
+
+
+class Batch:
+    """The loop of a batch, with its journal."""
+
+    def __init__(self, engine: Engine, folder: Path) -> None:
+        self._engine, self._folder = engine, folder
+
+    def do(self, items: list[Item]) -> float:
+        account = Account(len(items))
+        with Journal(self._folder / f"{time.monotonic_ns()}.jsonl") as journal:
+            todo = [(item, 0) for item in items]
+            left = run(todo, len(items), self._engine, journal, Rules(), Stop(), account.add)
+        assert (left, account.failed) == (0, 0)
+        return sum(account.seconds["item"])
+
+    def end(self) -> None:
+        self._engine.end()
+
+
+@dataclass
+class Turns:
+    """What was found round by round, by the names of those who did the items."""
+
+    rates: dict[str, list[float]] = field(default_factory=dict)
+    """items a second"""
+    processor: dict[str, list[float]] = field(default_factory=dict)
+    """seconds of processor time an item, of all processes"""
+    seconds: list[float] = field(default_factory=list)
+    """that an item took"""
+
+    def over(self, one: str, other: str) -> float:
+        """How many times as fast the one is as the other: the median of rounds."""
+        return statistics.median(a / b for a, b in zip(self.rates[one], self.rates[other], strict=True))
+
+    def milliseconds(self, name: str) -> float:
+        """Of processor time an item."""
+        return statistics.median(self.processor[name]) * 1e3
+
+
+def by_turns(folder: Path, count: int, rounds: int, doing: dict[str, Bare | Batch]) -> Turns:
+    turns = Turns()
+    for number in range(1 + rounds):  # the first warms up
+        items = [_item(folder, at, number) for at in range(count if number else 16)]
+        for name, each in doing.items():
+            used, began = _processor_seconds(), time.monotonic()
+            taken = each.do(items)
+            elapsed, used = time.monotonic() - began, _processor_seconds() - used
+            if number:
+                turns.rates.setdefault(name, []).append(len(items) / elapsed)
+                turns.processor.setdefault(name, []).append(used / len(items))
+                turns.seconds.append(taken / len(items))
+    return turns
+
+
+def _processor_seconds() -> float:
+    """What this process and all that came of it have used."""
+    children: dict[int, list[tuple[int, int]]] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            said = stat.read_text().rpartition(")")[2].split()
+            children.setdefault(int(said[1]), []).append((int(stat.parent.name), int(said[11]) + int(said[12])))
+
+    def below(process: int) -> int:
+        return sum(ticks + below(child) for child, ticks in children.get(process, []))
+
+    return time.process_time() + below(os.getpid()) / os.sysconf("SC_CLK_TCK")
+
+
+def _item(folder: Path, at: int, number: int) -> Item:
+    places = {"image": str(folder / f"{at % 8}.jpg")}, {"result": str(folder / f"made-{at}.jpg")}
+    values = {"sigma": 5 + at / 1000 + number / 10}
+    return Item(f"{number}-{at}", "gaussian", None, *places, {"result": "jpeg"}, values, f"{number}-{at}")
 
 
 def batch() -> str:
-    rates: dict[tuple[str, int], list[float]] = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        photos(folder, PHOTOS)
-        for _ in range(ROUNDS_OF_BATCHES):
-            for count in (1, 2):
-                made = batch_of(folder, "--workers", str(count), "--threads", "1")
-                rates.setdefault(("batch", count), []).append(made)
-                rates.setdefault(("bare", count), []).append(bare(folder, count))
-    found = {key: statistics.median(each) for key, each in rates.items()}
+        photos(folder, 8)
+        doing: dict[str, Bare | Batch] = {}
+        for count in (1, 2):
+            doing[f"bare {count}"] = Bare(count)
+            doing[f"batch {count}"] = Batch(LocalEngine(count, Limits()), folder)
+        try:
+            turns = by_turns(folder, PHOTOS, ROUNDS_OF_BATCHES, doing)
+        finally:
+            for each in doing.values():
+                each.end()
+    middle = {each: statistics.median(found) for each, found in turns.rates.items()}
     told = [
-        f"{found[kind, 1]:.1f}/s by one, {found[kind, 2]:.1f}/s by two, {found[kind, 2] / found[kind, 1]:.2f} times"
+        f"{middle[f'{kind} 1']:.1f}/s by one, {middle[f'{kind} 2']:.1f}/s by two, "
+        f"{turns.over(f'{kind} 2', f'{kind} 1'):.2f} times, "
+        f"{turns.milliseconds(f'{kind} 2'):.1f} ms of processor time an item"
         for kind in ("batch", "bare")
     ]
     return f"{told[0]}; bare processes {told[1]}"
@@ -179,46 +281,25 @@ def loopback() -> str:
 
 
 def dask() -> str:
-    """The same items by two processes here and by a cluster of two, by turns."""
+    """The same items by two bare processes, by two of a batch here, and by a cluster of two."""
     from lichen_batch.cluster import DaskEngine
-    from lichen_batch.hands import Limits, LocalEngine
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         photos(folder, 8, 560, 760)
-        engines: list[Engine] = [LocalEngine(2, Limits()), DaskEngine("", 2, Limits())]
-        taken: list[list[float]] = [[], []]
-        work: list[float] = []
+        doing: dict[str, Bare | Batch] = {"bare": Bare(2), "here": Batch(LocalEngine(2, Limits()), folder)}
         try:
-            for number in range(1 + ROUNDS_OF_BATCHES):  # the first warms up
-                for engine, seconds in zip(engines, taken, strict=True):
-                    took, outcomes = _done(engine, folder, 8 if quick() or not number else 80, number)
-                    if number:
-                        seconds.append(took / len(outcomes))
-                        work += [
-                            sum(taken for stage, taken in each.seconds.items() if "." not in stage) for each in outcomes
-                        ]
+            doing["there"] = Batch(DaskEngine("", 2, Limits()), folder)
+            turns = by_turns(folder, 2 * PHOTOS, -(-ROUNDS_OF_BATCHES // 2), doing)
         finally:
-            for engine in engines:
-                engine.end()
-    here, there = (statistics.median(each) for each in taken)
-    return f"items of {statistics.mean(work) * 1e3:.0f} ms: {there / here - 1:.1%} longer than by two processes here"
-
-
-def _done(engine: Engine, folder: Path, count: int, number: int) -> tuple[float, list[Outcome]]:
-    """Seconds that so many items take, and what came of them."""
-    from lichen_batch.item import Item
-
-    began = time.monotonic()
-    waiting, outcomes = [], []
-    for at in range(count):
-        places = {"image": str(folder / f"{at % 8}.jpg")}, {"result": str(folder / f"made-{at}.jpg")}
-        values = {"sigma": 5 + at / 1000 + number / 10}
-        waiting.append(engine.submit(Item(str(at), "gaussian", None, *places, {"result": "jpeg"}, values)))
-        if len(waiting) >= engine.capacity:
-            outcomes.append(waiting.pop(0).result())
-    outcomes += [each.result() for each in waiting]
-    return time.monotonic() - began, outcomes
+            for each in doing.values():
+                each.end()
+    bare, here = (turns.over(each, "there") - 1 for each in ("bare", "here"))
+    used = ", ".join(f"{turns.milliseconds(each):.1f} {each}" for each in doing)
+    return (
+        f"items of {statistics.median(turns.seconds) * 1e3:.0f} ms: {bare:.1%} longer than by two bare processes, "
+        f"{here:.1%} than by two here; ms of processor time an item: {used}"
+    )
 
 
 def tiles() -> str:
