@@ -5,8 +5,8 @@
 An open loop offers 1, 2, 5 and 10 times what four clients that wait for their answers get through, without waiting
 itself, and counts what came back, how soon refusals did, and how /livez fared meanwhile. The service has one processor
 for itself, and its clients have another: what they do is not taken from it. What was done is told for each second that
-the service was on its processor, which others may have used as well, and loads are compared within a round, since a
-machine that is shared is not as fast at one time as at another.
+the service was on its processor, which others may have used as well. A machine that is shared is not as fast at one
+time as at another: each load is compared with the mean of its round, and the median over the rounds is told.
 """
 
 from __future__ import annotations
@@ -32,6 +32,10 @@ from soak import served
 
 REQUEST = b"GET /v1/operations/white_noise?width=640&height=640&format=png&seed=%d HTTP/1.1\r\nHost: a\r\n\r\n"
 CONNECTIONS = 256
+LOADS = (0, 1, 2, 5, 10)
+"""times what four clients that wait get; 0 for these"""
+PROMPT = 0.05
+"""seconds within which who is refused shall know"""
 
 
 @dataclass
@@ -165,33 +169,40 @@ def overload(seconds: float, rounds: int) -> None:
         for thread in Path(f"/proc/{pid}/task").iterdir():
             os.sched_setaffinity(int(thread.name), {own})
         offer(port, pid, 0, seconds)
-        windows: dict[float, list[Window]] = {times: [] for times in (0, 1, 2, 5, 10)}
-        waits: dict[float, list[float]] = {times: [] for times in windows}
-        shares: dict[float, list[float]] = {times: [] for times in windows}
+        windows: dict[float, list[Window]] = {times: [] for times in LOADS}
+        waits: dict[float, list[float]] = {times: [] for times in LOADS}
         for _ in range(rounds):
             most = 0.0
-            for times in windows:
+            for times in LOADS:
                 alive = subprocess.Popen([sys.executable, __file__, "probe", str(port), str(seconds)], stdout=PIPE)
                 window = offer(port, pid, times * most, seconds)
                 waits[times] += json.loads(alive.communicate()[0])
                 windows[times].append(window)
                 most = most or len(window.good) / seconds
-            best = max(each[-1].rate for each in windows.values())
-            for times, each in windows.items():
-                shares[times].append(each[-1].rate / best)
-        for times, each in windows.items():
-            good, refused = ([took for one in each for took in getattr(one, kind)] for kind in ("good", "refused"))
-            told = f"offered {times}x" if times else "four that wait"
-            print(
-                f"{told}: {statistics.median(one.rate for one in each):.1f} good answers in a second of its processor, "
-                f"{statistics.median(shares[times]):.0%} of the most in a round, p99 {share(good, 0.99):.0f} ms; "
-                f"refused {len(refused) / seconds / rounds:.0f}/s, median {share(refused, 0.5):.1f}, "
-                f"p99 {share(refused, 0.99):.1f} ms; unsent {sum(one.unsent for one in each)}; "
-                f"/livez p99 {share(waits[times], 0.99):.1f} ms; busy "
-                f"{statistics.median(one.service for one in each):.0%}, clients "
-                f"{statistics.median(one.clients for one in each):.0%}",
-                flush=True,
-            )
+    tell(windows, waits, seconds)
+
+
+def tell(windows: dict[float, list[Window]], waits: dict[float, list[float]], seconds: float) -> None:
+    means = [statistics.fmean(one.rate for one in together) for together in zip(*windows.values(), strict=True)]
+    beside = {
+        times: statistics.median(one.rate / mean for one, mean in zip(each, means, strict=True))
+        for times, each in windows.items()
+    }
+    for times, each in windows.items():
+        good, refused = ([took for one in each for took in getattr(one, kind)] for kind in ("good", "refused"))
+        late = sum(took > PROMPT for took in refused)
+        told = f"offered {times}x" if times else "four that wait"
+        print(
+            f"{told}: {statistics.median(one.rate for one in each):.1f} good answers in a second of its processor, "
+            f"{beside[times] / max(beside.values()):.0%} of the best load, p99 {share(good, 0.99):.0f} ms; "
+            f"refused {len(refused) / seconds / len(each):.0f}/s, median {share(refused, 0.5):.1f}, "
+            f"p99 {share(refused, 0.99):.1f} ms, {late} after more than {PROMPT * 1e3:.0f}; "
+            f"unsent {sum(one.unsent for one in each)}; "
+            f"/livez p99 {share(waits[times], 0.99):.1f} ms; busy "
+            f"{statistics.median(one.service for one in each):.0%}, clients "
+            f"{statistics.median(one.clients for one in each):.0%}",
+            flush=True,
+        )
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -132,7 +132,7 @@ class Loop:
 
     def known(self, received: bytearray) -> Known | None:
         """The answer to a head that need not be read again."""
-        return self._prompts.get(received) or (self._prompts.refused(received) if self._full else None)
+        return self._prompts.get(received, self._full)
 
     def learn(self, raw: bytes, exchange: Exchange, response: Response) -> None:
         """What was answered to a head, for when it comes again."""
@@ -230,6 +230,7 @@ class Loop:
             refusal.detail,
             request_id=request_id,
             retryable=refusal.status == HTTPStatus.REQUEST_TIMEOUT,
+            limit=refusal.limit,
         )
 
     def failure(self, request_id: str) -> Response:
