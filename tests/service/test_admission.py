@@ -14,8 +14,13 @@ from typing import Any
 
 import pytest
 
+from lichen import execution
 from lichen.files import encode
 from lichen.image import Storage
+from lichen.memory import Array
+from lichen.opencl.device import Device
+from lichen.operation import Inputs
+from lichen.planning.graph import Node
 from lichen_service.app import Service
 from lichen_service.http.message import CLIENT_GONE, Head, Request, Response
 from lichen_service.memory import Memory, reserve
@@ -110,6 +115,24 @@ def test_work_ends_before_the_next_stage_when_nobody_waits(service: Service, png
         assert began[-1] == stop_at
     assert answer("nothing").status == 200
     assert began[-1] == "digest"
+
+
+def test_work_ends_before_the_next_step_of_a_run_when_nobody_waits(
+    service: Service, png: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, by_method = [], execution.by_method
+
+    def told(node: Node, inputs: Inputs, device: Device | None) -> Array:
+        begun.append(node.name)
+        return by_method(node, inputs, device)
+
+    monkeypatch.setattr(execution, "by_method", told)
+    said = (("pipeline", "gaussian:sigma=2|median:radius=1|gaussian:sigma=3"), ("prune", "false"), ("format", "png"))
+    for most, status in ((1, CLIENT_GONE), (2, CLIENT_GONE), (99, 200)):
+        begun.clear()
+        head = Head("POST", "/v1/pipelines", said, {}, "test-request", 0.0, float("inf"), allowed=60.0)
+        assert service.handle(Request(head._replace(alive=lambda most=most: len(begun) < most), png)).status == status
+        assert len(begun) == most or (most == 99 and len(begun) >= 3)
 
 
 @pytest.mark.parametrize(
