@@ -247,7 +247,7 @@ class Prepared:
         """The results by the outputs' names; on NumPy where a device fails that nobody named. Runs that share take
         over steps from one another (`lichen.sharing`). `before` hears of each step, and may end the run by raising."""
         try:
-            return _execute(self, further, shared, before)
+            return _run(self, further, shared, before)
         except DeviceFailure as failure:
             if self.fallback is None or self.device is None:
                 raise
@@ -363,9 +363,7 @@ def _prepared_on(
     return Prepared(order, plan, time.perf_counter() - started, device, fallback)
 
 
-def _execute(
-    prepared: Prepared, further: Sequence[Decision], shared: Shared | None, before: Before
-) -> dict[str, Result]:
+def _run(prepared: Prepared, further: Sequence[Decision], shared: Shared | None, before: Before) -> dict[str, Result]:
     order, plan = prepared.order, prepared.plan
     timing = {"plan": prepared.seconds}
     images, findings = computed(plan, order.images, prepared.device, timing, shared, before)
