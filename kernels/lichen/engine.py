@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ from lichen.accuracy import times
 from lichen.accuracy.metrics import Difference
 from lichen.accuracy.precision import Precision
 from lichen.errors import DeviceFailure, Flaw, InvalidRequest, nearest
-from lichen.execution import computed, exact
+from lichen.execution import Before, computed, exact, unheard
 from lichen.image import Alpha, Image, Space, Storage, as_image
 from lichen.memory import Array
 from lichen.opencl.device import Device, default_device, status
@@ -243,17 +243,17 @@ class Prepared:
     fallback: Prepare | None = None
     """makes the same for NumPy, where no device was named"""
 
-    def run(self, *further: Decision, shared: Shared | None = None) -> dict[str, Result]:
+    def run(self, *further: Decision, shared: Shared | None = None, before: Before = unheard) -> dict[str, Result]:
         """The results by the outputs' names; on NumPy where a device fails that nobody named. Runs that share take
-        over steps from one another (`lichen.sharing`)."""
+        over steps from one another (`lichen.sharing`). `before` hears of each step, and may end the run by raising."""
         try:
-            return _execute(self, *further, shared=shared)
+            return _run(self, further, shared, before)
         except DeviceFailure as failure:
             if self.fallback is None or self.device is None:
                 raise
             log.warning("OpenCL failed, NumPy repeats the work: %s", failure)
             decision = Decision("device", "*", "ran on numpy", f"opencl failed: {failure.detail}")
-            return self.fallback(None).run(decision)
+            return self.fallback(None).run(decision, before=before)
 
 
 Prepare = Callable[["Device | None"], Prepared]
@@ -363,10 +363,10 @@ def _prepared_on(
     return Prepared(order, plan, time.perf_counter() - started, device, fallback)
 
 
-def _execute(prepared: Prepared, *further: Decision, shared: Shared | None = None) -> dict[str, Result]:
+def _run(prepared: Prepared, further: Sequence[Decision], shared: Shared | None, before: Before) -> dict[str, Result]:
     order, plan = prepared.order, prepared.plan
     timing = {"plan": prepared.seconds}
-    images, findings = computed(plan, order.images, prepared.device, timing, shared)
+    images, findings = computed(plan, order.images, prepared.device, timing, shared, before)
     further = (*further, *_skipped(findings))
     found: dict[str, Verification] = {}
     if order.verify:

@@ -28,9 +28,15 @@ from lichen.planning.plan import Plan
 from lichen.sharing import Shared
 
 Compute = Callable[[Node, Inputs], Array]
+Before = Callable[[str], None]
+"""Hears of a node before a step of it is begun; what it raises ends the work there."""
 Observe = Callable[[Node, Inputs, Array], None]
 Findings = dict[str, Mapping[str, Any]]
 """What nodes report beside their pixels, by their names."""
+
+
+def unheard(_node: str) -> None:
+    pass
 
 
 def computed(
@@ -39,9 +45,11 @@ def computed(
     device: Device | None,
     timing: MutableMapping[str, float],
     shared: Shared | None = None,
+    before: Before = unheard,
 ) -> tuple[dict[str, Image], Findings]:
     """What the plan gives on `device` (None: NumPy), by output. Adds to `timing` the seconds of nodes, all and each.
-    Steps that another run with the same `shared.sharing` is at work on are taken over from it."""
+    Steps that another run with the same `shared.sharing` is at work on are taken over from it. `before` hears of all
+    others, and of each band."""
     timing["kernel"] = 0.0
     findings: Findings = {}
     chains = {chain[-1]: [plan.graph.named(name) for name in chain] for chain in plan.graph.fused}
@@ -49,12 +57,14 @@ def computed(
     identities = plan.identities(shared.origins) if shared is not None else {}
 
     def step(node: Node, inputs: Inputs) -> Array:
+        before(node.name)
         if node.name in chains and device is not None:
             return by_chain(chains[node.name], plan.graph, inputs, device)
         return by_method(node, inputs, device)
 
     def made(node: Node, inputs: Inputs) -> Array:
         if plan.graph.precision is Precision.FLOAT64:
+            before(node.name)
             return by_definition(node, inputs)
         if node.name in banded:
             return by_bands(banded[node.name], plan.graph, inputs, step)

@@ -21,7 +21,7 @@ from typing import Any
 from lichen import catalogue
 from lichen.errors import LichenError
 from lichen.files import encode
-from lichen_service import logs, tracing
+from lichen_service import logs, meanings, tracing
 from lichen_service.access import signing
 from lichen_service.access.cors import Cors
 from lichen_service.access.guard import Caller, Guard
@@ -39,6 +39,7 @@ from lichen_service.jobs.service import Jobs
 from lichen_service.logs import log
 from lichen_service.memory import Memory
 from lichen_service.metrics import Metrics
+from lichen_service.problems import PATH as PROBLEMS
 from lichen_service.readiness import Readiness, example
 from lichen_service.refusals import Refusal, internal, refusal_of
 from lichen_service.routes.assets import PATH as ASSETS
@@ -101,6 +102,8 @@ class Service:
             Route(f"{ASSETS}/{{name}}", {"GET": stored.get, "DELETE": stored.delete}, scope="assets"),
             Route("/v1/accuracy", {"GET": accuracy.by("list")}),
             Route("/v1/accuracy/{name}", {"GET": accuracy.by("one")}),
+            Route(PROBLEMS, {"GET": meanings.listed}, scope=None),
+            Route(f"{PROBLEMS}/{{name}}", {"GET": meanings.one}, scope=None),
             Route("/v1/limits", {"GET": system.limits}),
             Route("/v1/version", {"GET": system.version}),
             Route("/openapi.json", {"GET": system.openapi}),
@@ -166,6 +169,14 @@ class Service:
         """The service ends: begin no job any more."""
         if self.jobs:
             self.jobs.runner.stop()
+
+    def end(self, seconds: float = 10.0) -> None:
+        """For a process whose interpreter will be torn down, which a thread that comes back from C++ does not outlive:
+        begin nothing any more, and let what runs in the background come back."""
+        self.drain()
+        self.readiness.stop(seconds)
+        self.calibrating.stop(seconds)
+        self.decoders.end()
 
     def _measure(self) -> None:
         """Connects what happens to the figures that tell of it."""

@@ -70,19 +70,27 @@ class Calibrating:
         self._seen = 0
         self.done = threading.Event()
         """set when everything is measured, or nothing was to be"""
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="calibration", daemon=True)
 
     def start(self) -> None:
-        threading.Thread(target=self._run, name="calibration", daemon=True).start()
+        self._thread.start()
+
+    def stop(self, seconds: float) -> None:
+        """Ends it after the run that it measures, for which it waits so long at most."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join(seconds)
 
     def _run(self) -> None:
         try:
-            while not self._readiness.wait(60):
+            while not self._readiness.wait(60) and not self._stopping.is_set():
                 pass
             from lichen.calibration.sweep import backends  # slow to load, and nobody waits for it
 
             missing = [backend for backend in backends() if not self._known(backend)]
             with _alone(times.folder() / "measuring") as mine:
-                if missing and mine:
+                if missing and mine and not self._stopping.is_set():
                     self._measure(missing)
         except Exception:
             log.exception("calibration broke off")
@@ -101,6 +109,8 @@ class Calibrating:
         began, outcome = time.monotonic(), Outcome()
         self._wait()
         for _ in calibrate(list(operations().values()), missing, QUICK, outcome, self._undisturbed):
+            if self._stopping.is_set():
+                return
             time.sleep(PAUSE)
             self._wait()
         log.info(
@@ -113,7 +123,7 @@ class Calibrating:
 
     def _wait(self) -> None:
         """Until nobody is being answered."""
-        while not self._traffic.quiet:
+        while not self._traffic.quiet and not self._stopping.is_set():
             time.sleep(QUIET)
         self._seen = self._traffic.arrivals
 

@@ -17,6 +17,7 @@ from enum import Enum
 from typing import Any
 
 from lichen_service.http.message import Body, Head, Response
+from lichen_service.refusals import Refusal
 
 
 def plain(value: Any) -> Any:
@@ -58,6 +59,17 @@ def matches(head: Head, tag: str) -> bool:
     return given.strip() == "*" or tag in (each.strip().removeprefix("W/") for each in given.split(","))
 
 
+def unchanged(head: Head, tag: str) -> bool:
+    """Whether the client has these bytes already. Raises the 412 refusal where it wants others or none (`If-Match`,
+    strong comparison)."""
+    wanted = head.headers.get("if-match", "*").strip()
+    if wanted != "*" and tag not in (each.strip() for each in wanted.split(",")):
+        raise Refusal(
+            412, "precondition-failed", "It is not what was asked for", f"If-Match names other bytes than {tag}."
+        )
+    return matches(head, tag)
+
+
 @dataclass(frozen=True, slots=True)
 class Document:
     """An answer that depends on the running engine alone: kept by caches, asked for again by its entity tag."""
@@ -74,7 +86,7 @@ class Document:
 
     def answer(self, head: Head) -> Response:
         headers = {"ETag": self.tag, "Cache-Control": "no-cache"}
-        if matches(head, self.tag):
+        if unchanged(head, self.tag):
             return Response(304, headers=headers)
         headers.update(self.fields)
         return Response(200, self.body, headers)

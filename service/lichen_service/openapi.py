@@ -17,7 +17,8 @@ from lichen.operation import Input, Knob, Operation
 from lichen.presets import Size, textures
 from lichen.scene.description import Scene
 from lichen_service.descriptions import accuracy_path_of, inlined, options_schema, path_of
-from lichen_service.openapi_storage import asset_paths, job_paths
+from lichen_service.meanings import MEANINGS
+from lichen_service.openapi_storage import asset_paths, job_paths, job_schema
 from lichen_service.routes.accuracy import FORMS as ACCURACY_FORMS
 from lichen_service.routes.accuracy import View
 from lichen_service.uploads import FORM
@@ -32,9 +33,16 @@ _REPORT_HEADERS = {
     "Lichen-Measured": "with `verify`: the error found on this image; its metric; the share of pixels compared",
     "Lichen-Precision": "what values were kept in between steps, where that is not float32",
     "Lichen-Skipped": "work that was left out, and why",
+    "Lichen-Seed": "what decides chance, where there is any: the same seed gives the same bytes",
     "Lichen-Nonfinite": "NaN and infinite samples in the result",
     "ETag": "changes when the same request would give other bytes",
     "Content-Digest": "SHA-256 of the body (RFC 9530)",
+}
+
+
+_OF_A_RUN = {
+    status: {"$ref": f"#/components/responses/{name}"}
+    for status, name in {"200": "Image", "202": "Accepted", "304": "Unchanged", "default": "Problem"}.items()
 }
 
 
@@ -56,6 +64,7 @@ def openapi(operations: Mapping[str, Operation[Any]]) -> dict[str, Any]:
             "/v1/pipelines": _pipelines_path(),
             "/v1/scenes": _scenes_path(),
             "/v1/textures/{name}": _texture_path(),
+            "/problems/{name}": _problem_path(),
             **{path_of(name): _path(each) for name, each in operations.items()},
         },
         "components": {
@@ -71,6 +80,7 @@ def _fixed_paths() -> dict[str, Any]:
         "/v1/operations": ("listOperations", "The operations there are"),
         "/v1/textures": ("listTextures", "Named pipelines of noises: marble, wood, clouds and others"),
         "/v1/accuracy": ("listAccuracy", "What one more digit costs, for every operation"),
+        "/problems": ("listProblems", "What the codes of problem documents mean"),
         "/v1/limits": ("getLimits", "What one request may ask for"),
         "/v1/version": ("getVersion", "Versions of the engine, its device and its libraries"),
         "/openapi.json": ("getOpenapi", "This document"),
@@ -158,7 +168,7 @@ def _pipelines_path() -> dict[str, Any]:
                     FORM: {"schema": form, "encoding": {"pipeline": {"contentType": "application/json"}}},
                 }
             },
-            "responses": {"200": _reference("Image"), "304": _reference("Unchanged"), "default": _reference("Problem")},
+            "responses": _OF_A_RUN,
         }
     }
 
@@ -201,11 +211,22 @@ def _texture_path() -> dict[str, Any]:
     }
 
 
+def _problem_path() -> dict[str, Any]:
+    named = {"name": "name", "in": "path", "required": True, "schema": {"type": "string", "enum": list(MEANINGS)}}
+    return {
+        "get": {
+            "operationId": "getProblem",
+            "summary": "What the code of a problem document means",
+            "parameters": [named],
+            "responses": {"200": _json_response("The meaning"), "default": _reference("Problem")},
+        }
+    }
+
+
 def _path(operation: Operation[Any]) -> dict[str, Any]:
     """GET and POST share their parameters; a name without a default is required where pixels are sent, and of a run."""
     name = operation.name
     described = f"The declaration of {name}; with a query that names all images it needs, a run of it"
-    answers = {"200": _reference("Image"), "304": _reference("Unchanged"), "default": _reference("Problem")}
     parameters = _parameters(operation)
     required = [each for each in parameters if each.get("required")]
     return {
@@ -214,7 +235,7 @@ def _path(operation: Operation[Any]) -> dict[str, Any]:
             "operationId": f"describe_{name}",
             "summary": described,
             "tags": [operation.family],
-            "responses": answers,
+            "responses": _OF_A_RUN,
         },
         "post": {
             "operationId": name,
@@ -223,7 +244,7 @@ def _path(operation: Operation[Any]) -> dict[str, Any]:
             "tags": [operation.family],
             **({"parameters": required} if required else {}),
             "requestBody": _request_body(operation),
-            "responses": answers,
+            "responses": _OF_A_RUN,
         },
     }
 
@@ -314,6 +335,11 @@ def _responses() -> dict[str, Any]:
                     "schema": {"description": "the result, then findings, then with `verify` a map of its error"}
                 },
             },
+        },
+        "Accepted": {
+            "description": "With `Prefer: respond-async`: the job that will have the result",
+            "headers": {name: {"schema": {"type": "string"}} for name in ("Location", "Preference-Applied")},
+            "content": {"application/json": {"schema": job_schema()}},
         },
         "Unchanged": {"description": "The result has the entity tag that the request named"},
         "Problem": {

@@ -51,7 +51,7 @@ def _asset() -> dict[str, Any]:
 
 
 def job_paths() -> dict[str, Any]:
-    job = {"application/json": {"schema": _job()}}
+    job = {"application/json": {"schema": job_schema()}}
     accepted = {"description": "The job", "headers": {"Location": _TEXT}, "content": job}
     own = "/v1/jobs/{name}"
     return {
@@ -120,7 +120,7 @@ def job_paths() -> dict[str, Any]:
 _TEXT = {"schema": {"type": "string"}}
 
 
-def _job() -> dict[str, Any]:
+def job_schema() -> dict[str, Any]:
     moment = {"type": ["string", "null"], "format": "date-time"}
     states = ["accepted", "running", "successful", "failed", "dismissed"]
     fields: dict[str, Any] = {
@@ -132,7 +132,7 @@ def _job() -> dict[str, Any]:
         **dict.fromkeys(("created", "started", "finished", "updated", "expires"), moment),
         "links": {"type": "object", "additionalProperties": {"type": "string"}},
     }
-    return {"type": "object", "properties": fields, "required": ["id", "bytes", "media_type"]}
+    return {"type": "object", "properties": fields, "required": list(fields)}
 
 
 def _order() -> dict[str, Any]:

@@ -15,6 +15,8 @@ from typing import Any, Protocol
 from lichen_service.http.message import Response
 
 MEDIA_TYPE = "application/problem+json"
+PATH = "/problems"
+"""where codes are explained"""
 _ENCODER = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"), allow_nan=False)
 
 
@@ -42,7 +44,7 @@ def problem(
 ) -> Response:
     """An error answer. `type` is a path below /problems; `limit` and `actual` share the unit the detail names."""
     document: dict[str, object] = {
-        "type": f"/problems/{code}",
+        "type": type_of(code),
         "title": title,
         "status": status,
         "detail": detail,
@@ -61,6 +63,10 @@ def problem(
         {"Content-Type": MEDIA_TYPE, "X-Problem-Code": code, "Cache-Control": "no-store", **(headers or {})},
         {"problem": code},
     )
+
+
+def type_of(code: str) -> str:
+    return f"{PATH}/{code}"
 
 
 def to_json(value: object) -> bytes:

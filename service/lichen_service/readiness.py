@@ -10,6 +10,7 @@ it late, and late means not ready, without taking down the thread that asks.
 from __future__ import annotations
 
 import dataclasses
+import gc
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -130,10 +131,18 @@ class Readiness:
         self._good_until = 0.0
         self._able = threading.Event()
         self._warm = threading.Event()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._warm_up, name="warm-up", daemon=True)
 
     def start(self) -> None:
         """Begins the warm-up in the background."""
-        threading.Thread(target=self._warm_up, name="warm-up", daemon=True).start()
+        self._thread.start()
+
+    def stop(self, seconds: float) -> None:
+        """Ends the warm-up after the method that it runs, for which it waits so long at most."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join(seconds)
 
     def wait(self, seconds: float) -> bool:
         """Waits for the end of the warm-up; False if it takes longer."""
@@ -150,13 +159,17 @@ class Readiness:
                 self._able.set()
                 if failed is not None:
                     log.error("warm-up failed", operation=operation, method=method, reason=str(failed))
-                self._give_way(LONGEST_REST)
+                if not self._stopping.is_set():
+                    self._give_way(LONGEST_REST)
+                if self._stopping.is_set():
+                    return
+            gc.freeze()  # as where serving begins: what was made to last is not looked through again
+            log.info("warm", seconds=round(time.monotonic() - began, 3))
         except Exception:
             log.exception("warm-up broke off")
         finally:
             self._able.set()
             self._warm.set()
-            log.info("warm", seconds=round(time.monotonic() - began, 3))
 
     @property
     def fresh(self) -> bool:

@@ -6,11 +6,18 @@ import os
 import sys
 import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 
 from lichen_service import configuration
 from lichen_service.access.guard import must_not_listen
 from lichen_service.http import server
 from lichen_service.settings import FIGURES, SHARED
+
+
+def in_memory(place: Path = Path("/dev/shm")) -> str | None:
+    """Where files are kept in memory, if anywhere. Workers map those that they count in, and a page that the system is
+    writing to a disk makes them wait for it."""
+    return str(place) if place.is_dir() and os.access(place, os.W_OK | os.X_OK) else None
 
 
 def main(arguments: Sequence[str] | None = None, prog: str = "python -m lichen_service") -> int:
@@ -19,7 +26,7 @@ def main(arguments: Sequence[str] | None = None, prog: str = "python -m lichen_s
     if (reason := must_not_listen(settings)) is not None:
         print(f"Lichen does not listen: {reason}.", file=sys.stderr)
         return 2
-    with tempfile.TemporaryDirectory(prefix="lichen-") as shared:
+    with tempfile.TemporaryDirectory(prefix="lichen-", dir=in_memory()) as shared:
         # Workers are started afresh and read the same settings from their environment.
         os.environ.update(settings.environment() | {SHARED: shared, FIGURES: shared})
         return server.serve("lichen_service.starting:create_application", settings)

@@ -63,6 +63,10 @@ class Settings:
     port: int = _setting(8080, "port to listen on; 0 takes a free one", 0, 65535)
     workers: int = _setting(_workers(), "processes that answer requests", 1, 256)
     spare: str = _switch("on", "whether one more process waits, its libraries loaded, to stand in for one that dies")
+    silence: float = _setting(
+        30.0, "seconds in which a process must show that it lives, else another takes its place; 0: for ever", 0, 86400
+    )
+    worker_memory: int = _setting(0, "bytes a process may hold before another takes its place; 0: any", 0, None)
     threads: int = _setting(4, "requests one process computes at a time", 1, 256)
     queue: int = _setting(
         64, "requests one process keeps waiting; more are refused with 503", 0, 65536, limit="waiting_requests"

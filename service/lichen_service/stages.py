@@ -42,16 +42,20 @@ class Stages:
     def stage(self, name: str) -> Iterator[None]:
         """Measures its body as `name`. Raises the 504 refusal instead when the deadline has passed, and the one that
         nobody reads when the client has hung up."""
-        if not self._head.alive():
-            raise client_gone(name)
+        self.go_on(name)
         began = time.monotonic()
-        if began >= self._head.deadline:
-            raise too_late(name)
         self._head.began(name)
         try:
             yield
         finally:
             self.add(name, time.monotonic() - began)
+
+    def go_on(self, name: str) -> None:
+        """Raises what `stage` raises; also between the steps of a run, and the bands of one."""
+        if not self._head.alive():
+            raise client_gone(name)
+        if time.monotonic() >= self._head.deadline:
+            raise too_late(name)
 
     def afford(self, predicted: float) -> None:
         """Raises the refusal of work that by prediction takes far longer than is left."""

@@ -35,7 +35,16 @@ class Upload:
 
 
 def check_type(head: Head, media_types: Collection[str], *, forms: bool = True) -> str:
-    """The body's media type. Raises a 415 that lists in `Accept` what can be read, before the body is read."""
+    """The body's media type. Raises a 415 that lists in `Accept` what can be read, before the body is read; one of
+    another kind for a body that is compressed as a whole, which would hide its size."""
+    if head.headers.get("content-encoding", "identity").strip().lower() not in ("", "identity"):
+        raise Refusal(
+            415,
+            "unsupported-encoding",
+            "The body is compressed",
+            "A body is read as it is, without Content-Encoding.",
+            headers={"Accept-Encoding": "identity"},
+        )
     media_type = media_type_of(head.headers.get("content-type", ""))
     if media_type in UNTOLD or media_type in media_types or (forms and media_type == FORM):
         return media_type

@@ -13,6 +13,7 @@ it is told to preload).
 
 from __future__ import annotations
 
+import atexit
 import queue
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -118,7 +119,9 @@ def create() -> Wsgi:
     settings = Settings.load()
     if settings.insecure == "off" and not settings.key_file.exists():
         raise InvalidSettings("no key is needed here: make one with 'lichen keys add', or set LICHEN_INSECURE=on")
-    return Wsgi(create_application(), settings)
+    application = create_application()
+    atexit.register(application.end)
+    return Wsgi(application, settings)
 
 
 def _opening(environ: Environ) -> RawHead:

@@ -19,6 +19,7 @@ from lichen.image import Alpha, Image, Space, Storage
 from lichen_service import logs, readiness
 from lichen_service.app import Service
 from lichen_service.http.message import Head, Request, Response
+from lichen_service.meanings import MEANINGS
 from lichen_service.settings import Settings
 
 
@@ -77,6 +78,8 @@ def problem_of(response: Response, status: int, code: str) -> dict[str, Any]:
     document = read_json(response)
     assert document["status"] == status
     assert document["code"] == code
+    assert document["type"] == f"/problems/{code}"
+    assert code in MEANINGS
     assert document["request_id"] == "test-request"
     assert document["title"]
     assert document["detail"]

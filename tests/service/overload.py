@@ -5,33 +5,35 @@
 An open loop offers 1, 2, 5 and 10 times what four clients that wait for their answers get through, without waiting
 itself, and counts what came back, how soon refusals did, and how /livez fared meanwhile. The service has one processor
 for itself, and its clients have another: what they do is not taken from it. What was done is told for each second that
-the service was on its processor, which others may have used as well, and loads are compared within a round, since a
-machine that is shared is not as fast at one time as at another.
+the service was on its processor, which others may have used as well. A machine that is shared is not as fast at one
+time as at another: each load is compared with the mean of its round, and the median over the rounds is told.
 """
 
 from __future__ import annotations
 
-import http.client
-import json
 import math
 import os
 import random
 import selectors
 import socket
 import statistics
-import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from subprocess import PIPE
 
 from load import share
 from soak import served
 
 REQUEST = b"GET /v1/operations/white_noise?width=640&height=640&format=png&seed=%d HTTP/1.1\r\nHost: a\r\n\r\n"
+ALIVE = b"GET /livez HTTP/1.1\r\nHost: a\r\n\r\n"
+ALIVE_EVERY = 0.01
 CONNECTIONS = 256
+LOADS = (0, 1, 2, 5, 10)
+"""times what four clients that wait get; 0 for these"""
+PROMPT = 0.05
+"""seconds within which who is refused shall know"""
 
 
 @dataclass
@@ -56,6 +58,8 @@ class Crowd:
         self.free = [self._connected() for _ in range(connections)]
         self.good: list[float] = []
         self.refused: list[float] = []
+        self.alive: list[float] = []
+        self._probe, self._next_probe = self._connected(), 0.0
 
     def _connected(self) -> Awaited:
         awaited = Awaited(socket.create_connection(("127.0.0.1", self._port)))
@@ -69,9 +73,20 @@ class Crowd:
         awaited.begun, awaited.missing = time.monotonic(), 0
         awaited.sock.sendall(REQUEST % (self._first + self.sent))
 
+    def probe(self, now: float) -> None:
+        """Ask whether the service is alive, unless that has just been asked, or is not answered."""
+        if now >= self._next_probe and not self._probe.begun:
+            self._probe.begun, self._next_probe = now, now + ALIVE_EVERY
+            self._probe.sock.sendall(ALIVE)
+
     def listen(self, seconds: float) -> None:
         for key, _ in self._selector.select(seconds):
             awaited: Awaited = key.data
+            if awaited is self._probe:
+                assert awaited.sock.recv(4096).startswith(b"HTTP/1.1 200")
+                self.alive.append(time.monotonic() - awaited.begun)
+                awaited.begun = 0.0
+                continue
             count = awaited.sock.recv_into(self._scratch)
             if not count:
                 raise ConnectionError("the service closed a connection that it had not said it would")
@@ -96,7 +111,7 @@ class Crowd:
     def leave(self) -> None:
         """When all answers have come."""
         good, refused = list(self.good), list(self.refused)
-        while len(self.free) < len(self._selector.get_map()):
+        while len(self.free) + 1 < len(self._selector.get_map()) or self._probe.begun:
             self.listen(1.0)
         self.good, self.refused = good, refused
         for key in list(self._selector.get_map().values()):
@@ -111,6 +126,8 @@ class Window:
     seconds: float
     good: list[float]
     refused: list[float]
+    alive: list[float]
+    """how long /livez took, each time"""
     unsent: int
     service: float
     clients: float
@@ -134,28 +151,17 @@ def offer(port: int, pid: int, rate: float, seconds: float) -> Window:
             crowd.ask()
         if rate and not crowd.free:
             unsent = max(unsent, int(due) - crowd.sent)
-        crowd.listen(0.0005 if rate else 0.1)
+        crowd.probe(now)
+        crowd.listen(0.0005 if rate else 0.002)
     service, clients = processor_seconds(pid) - spent[0], time.process_time() - spent[1]
     crowd.leave()
-    return Window(seconds, crowd.good, crowd.refused, unsent, service / seconds, clients / seconds)
-
-
-def probe(port: int, seconds: float) -> list[float]:
-    """How long /livez took, each time."""
-    connection = http.client.HTTPConnection("127.0.0.1", port)
-    ends, times = time.monotonic() + seconds, []
-    while time.monotonic() < ends:
-        began = time.monotonic()
-        connection.request("GET", "/livez")
-        connection.getresponse().read()
-        times.append(time.monotonic() - began)
-        time.sleep(0.01)
-    return times
+    return Window(seconds, crowd.good, crowd.refused, crowd.alive, unsent, service / seconds, clients / seconds)
 
 
 def processor_seconds(pid: int) -> float:
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    """That all threads of a process have had."""
+    threads = Path(f"/proc/{pid}/task").iterdir()
+    return sum(int((thread / "schedstat").read_text().split()[0]) for thread in threads) / 1e9
 
 
 def overload(seconds: float, rounds: int) -> None:
@@ -165,40 +171,43 @@ def overload(seconds: float, rounds: int) -> None:
         for thread in Path(f"/proc/{pid}/task").iterdir():
             os.sched_setaffinity(int(thread.name), {own})
         offer(port, pid, 0, seconds)
-        windows: dict[float, list[Window]] = {times: [] for times in (0, 1, 2, 5, 10)}
-        waits: dict[float, list[float]] = {times: [] for times in windows}
-        shares: dict[float, list[float]] = {times: [] for times in windows}
+        windows: dict[float, list[Window]] = {times: [] for times in LOADS}
         for _ in range(rounds):
             most = 0.0
-            for times in windows:
-                alive = subprocess.Popen([sys.executable, __file__, "probe", str(port), str(seconds)], stdout=PIPE)
+            for times in LOADS:
                 window = offer(port, pid, times * most, seconds)
-                waits[times] += json.loads(alive.communicate()[0])
                 windows[times].append(window)
                 most = most or len(window.good) / seconds
-            best = max(each[-1].rate for each in windows.values())
-            for times, each in windows.items():
-                shares[times].append(each[-1].rate / best)
-        for times, each in windows.items():
-            good, refused = ([took for one in each for took in getattr(one, kind)] for kind in ("good", "refused"))
-            told = f"offered {times}x" if times else "four that wait"
-            print(
-                f"{told}: {statistics.median(one.rate for one in each):.1f} good answers in a second of its processor, "
-                f"{statistics.median(shares[times]):.0%} of the most in a round, p99 {share(good, 0.99):.0f} ms; "
-                f"refused {len(refused) / seconds / rounds:.0f}/s, median {share(refused, 0.5):.1f}, "
-                f"p99 {share(refused, 0.99):.1f} ms; unsent {sum(one.unsent for one in each)}; "
-                f"/livez p99 {share(waits[times], 0.99):.1f} ms; busy "
-                f"{statistics.median(one.service for one in each):.0%}, clients "
-                f"{statistics.median(one.clients for one in each):.0%}",
-                flush=True,
-            )
+    tell(windows, seconds)
+
+
+def tell(windows: dict[float, list[Window]], seconds: float) -> None:
+    means = [statistics.fmean(one.rate for one in together) for together in zip(*windows.values(), strict=True)]
+    beside = {
+        times: statistics.median(one.rate / mean for one, mean in zip(each, means, strict=True))
+        for times, each in windows.items()
+    }
+    for times, each in windows.items():
+        good, refused, alive = (
+            [took for one in each for took in getattr(one, kind)] for kind in ("good", "refused", "alive")
+        )
+        late = sum(took > PROMPT for took in refused)
+        told = f"offered {times}x" if times else "four that wait"
+        print(
+            f"{told}: {statistics.median(one.rate for one in each):.1f} good answers in a second of its processor, "
+            f"{beside[times] / max(beside.values()):.0%} of the best load, p99 {share(good, 0.99):.0f} ms; "
+            f"refused {len(refused) / seconds / len(each):.0f}/s, median {share(refused, 0.5):.1f}, "
+            f"p99 {share(refused, 0.99):.1f} ms, {late} after more than {PROMPT * 1e3:.0f}; "
+            f"unsent {sum(one.unsent for one in each)}; "
+            f"/livez p99 {share(alive, 0.99):.1f} ms; busy "
+            f"{statistics.median(one.service for one in each):.0%}, clients "
+            f"{statistics.median(one.clients for one in each):.0%}",
+            flush=True,
+        )
 
 
 def main(arguments: Sequence[str]) -> None:
-    if arguments[:1] == ["probe"]:
-        print(json.dumps(probe(int(arguments[1]), float(arguments[2]))))
-    else:
-        overload(float(arguments[0]) if arguments else 3.0, int(arguments[1]) if arguments[1:] else 5)
+    overload(float(arguments[0]) if arguments else 3.0, int(arguments[1]) if arguments[1:] else 5)
 
 
 if __name__ == "__main__":

@@ -50,12 +50,13 @@ _START = """
 import json, os, sys, tempfile
 from lichen_service import app
 from lichen_service.http import server
+from lichen_service.serving import in_memory
 from lichen_service.settings import FIGURES, SHARED, Settings
 settings = Settings(**json.loads(sys.argv[3]), port=0, workers=1, spare="off", threads=2, data=sys.argv[1],
                     calibrate="off", request_timeout=600.0, idle_timeout=600.0)
-shared = tempfile.mkdtemp(dir=sys.argv[1])
-os.environ.update(settings.environment() | {SHARED: shared, FIGURES: shared})
-sys.exit(server.serve(sys.argv[2], settings))
+with tempfile.TemporaryDirectory(prefix="lichen-", dir=in_memory()) as shared:
+    os.environ.update(settings.environment() | {SHARED: shared, FIGURES: shared})
+    sys.exit(server.serve(sys.argv[2], settings))
 """
 
 

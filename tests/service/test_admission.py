@@ -14,8 +14,13 @@ from typing import Any
 
 import pytest
 
+from lichen import execution
 from lichen.files import encode
 from lichen.image import Storage
+from lichen.memory import Array
+from lichen.opencl.device import Device
+from lichen.operation import Inputs
+from lichen.planning.graph import Node
 from lichen_service.app import Service
 from lichen_service.http.message import CLIENT_GONE, Head, Request, Response
 from lichen_service.memory import Memory, reserve
@@ -112,17 +117,35 @@ def test_work_ends_before_the_next_stage_when_nobody_waits(service: Service, png
     assert began[-1] == "digest"
 
 
+def test_work_ends_before_the_next_step_of_a_run_when_nobody_waits(
+    service: Service, png: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, by_method = [], execution.by_method
+
+    def told(node: Node, inputs: Inputs, device: Device | None) -> Array:
+        begun.append(node.name)
+        return by_method(node, inputs, device)
+
+    monkeypatch.setattr(execution, "by_method", told)
+    said = (("pipeline", "gaussian:sigma=2|median:size=3|gaussian:sigma=3"), ("prune", "false"), ("format", "png"))
+    for most, status in ((1, CLIENT_GONE), (2, CLIENT_GONE), (99, 200)):
+        begun.clear()
+        head = Head("POST", "/v1/pipelines", said, {}, "test-request", 0.0, float("inf"), allowed=60.0)
+        assert service.handle(Request(head._replace(alive=lambda most=most: len(begun) < most), png)).status == status
+        assert len(begun) == most or (most == 99 and len(begun) >= 3)
+
+
 @pytest.mark.parametrize(
     "target",
     [
-        pytest.param("/v1/operations/convolve?kernel=" + "1," * 3000 + "1", id="a kernel of one row"),
+        pytest.param("/v1/operations/convolve?kernel=[[" + "1," * 3000 + "1]]", id="a kernel of one row"),
         "/v1/operations/lic?length=10000000",
         "/v1/operations/perlin_noise?width=64&height=64&octaves=10000",
         "/v1/operations/resize?width=1000000&height=1000000",
         "/v1/operations/white_noise?width=1000000&height=1000000",
         "/v1/operations/affine?matrix=[[1,0,0],[0,1,0]]&width=100000&height=100000",
-        "/v1/operations/box?radius=1e300",
-        "/v1/operations/median?radius=100000000",
+        "/v1/operations/box?width=1000000001&height=3",
+        "/v1/operations/median?size=100000001",
         pytest.param("/v1/pipelines?pipeline=" + "|".join(["gaussian:sigma=1"] * 50_000), id="50,000 steps"),
     ],
 )
@@ -135,6 +158,7 @@ def test_parameters_made_to_harm_are_refused_before_anything_is_computed(
     monkeypatch.setattr("lichen.engine.computed", never)
     response = call("POST", target, png)
     assert response.status in (413, 422), (response.status, bytes(response.body)[:300])
+    assert b"is not a name" not in response.body, "what harms is a name that the operation knows"
     assert call.service.memory.held == 0
 
 

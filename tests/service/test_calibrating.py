@@ -82,6 +82,34 @@ def test_the_warm_up_gives_way_and_does_not_for_ever(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.usefixtures("few")
+def test_a_stop_lets_the_method_come_back_and_begins_no_other(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    begun, resting, gate = [], threading.Event(), threading.Event()
+
+    def methods() -> Iterator[tuple[str, str, None]]:
+        for name in ("first", "second"):
+            begun.append(name)
+            yield name, "exact", None
+
+    def rest(_seconds: float) -> None:
+        resting.set()
+        assert gate.wait(30)
+
+    monkeypatch.setattr(readiness, "warm_up", methods)
+    warming = readiness.Readiness(lambda: None, give_way=rest)
+    warming.start()
+    assert resting.wait(30)
+    threading.Timer(0.1, gate.set).start()
+    warming.stop(30)
+    assert warming.wait(0)
+    assert begun == ["first"]
+    measured = Calibrating(warming, Traffic())
+    measured.stop(30)
+    measured.start()
+    assert measured.done.wait(30)
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.usefixtures("few")
 def test_one_process_measures(service: Service, folder: Path) -> None:
     with durable.locked(folder / "measuring"):
         measured = Calibrating(service.readiness, service.traffic)

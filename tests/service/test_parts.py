@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from lichen import errors
 from lichen.errors import Flaw, LichenError
 from lichen.planning.graph import Decision
-from lichen_service.documents import canonical, content_digest, document, matches
+from lichen_service.documents import canonical, content_digest, document, matches, unchanged
 from lichen_service.http.message import Head, Request, Response
 from lichen_service.refusals import STATUS, Refusal, refusal_of, relocated
 from lichen_service.reports import LONGEST, rounded_up, skipped
@@ -98,6 +98,15 @@ def test_if_none_match_compares_whole_tags() -> None:
     assert matches(head(headers={"if-none-match": "*"}), '"a"')
     assert not matches(head(headers={"if-none-match": '"aa"'}), '"a"')
     assert not matches(head(), '"a"')
+
+
+def test_if_match_wants_these_bytes_or_none() -> None:
+    assert unchanged(head(headers={"if-match": '"b", "a"', "if-none-match": '"a"'}), '"a"')
+    assert not unchanged(head(headers={"if-match": "*"}), '"a"')
+    for wanted in ('"b"', 'W/"a"', ""):
+        with pytest.raises(Refusal) as refused:
+            unchanged(head(headers={"if-match": wanted}), '"a"')
+        assert (refused.value.status, refused.value.code) == (412, "precondition-failed")
 
 
 def test_the_digest_is_that_of_rfc_9530() -> None:

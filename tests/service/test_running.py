@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import re
 from collections.abc import Mapping
@@ -205,6 +206,20 @@ def test_a_result_is_not_computed_twice(call: Caller, png: bytes, monkeypatch: p
     assert (again.status, again.body, again.headers["ETag"]) == (304, b"", tag)
 
 
+def test_who_insists_on_other_bytes_gets_none(call: Caller, png: bytes) -> None:
+    tag = call("POST", f"{BLUR}?sigma=2", png).headers["ETag"]
+    assert call("POST", f"{BLUR}?sigma=2", png, {"if-match": tag}).status == 200
+    problem_of(call("POST", f"{BLUR}?sigma=3", png, {"if-match": tag}), 412, "precondition-failed")
+
+
+def test_the_seed_is_named(call: Caller, png: bytes) -> None:
+    noise = "/v1/operations/white_noise?width=8&height=8&format=npy"
+    seed = call("GET", noise).headers["Lichen-Seed"]
+    assert bytes(call("GET", f"{noise}&seed={seed}").body) == bytes(call("GET", noise).body)
+    assert call("GET", f"{noise}&seed=7").headers["Lichen-Seed"] == "7"
+    assert "Lichen-Seed" not in call("POST", f"{BLUR}?sigma=2", png).headers
+
+
 def test_whatever_decides_the_bytes_changes_the_tag(call: Caller, png: bytes) -> None:
     other = bytes(encode(picture(13, 16), "png").data)
     requests = [
@@ -332,6 +347,14 @@ def test_a_type_nobody_reads_is_refused_unread(call: Caller, png: bytes) -> None
     problem_of(response, 415, "unsupported-format")
     assert "image/png" in response.headers["Accept"]
     assert call.admitted == [False]
+
+
+def test_a_compressed_body_is_refused_unread(call: Caller, png: bytes) -> None:
+    response = call("POST", f"{BLUR}?sigma=1", gzip.compress(png), {"content-encoding": "gzip"})
+    problem_of(response, 415, "unsupported-encoding")
+    assert response.headers["Accept-Encoding"] == "identity"
+    assert call.admitted == [False]
+    assert call("POST", f"{BLUR}?sigma=1", png, {"content-encoding": "identity"}).status == 200
 
 
 def test_a_type_that_is_not_that_of_the_bytes_is_refused(call: Caller, png: bytes) -> None:

@@ -13,6 +13,7 @@ import pytest
 from lichen_cli.main import main
 from lichen_service import configuration
 from lichen_service.configuration import from_command_line, load
+from lichen_service.serving import in_memory
 from lichen_service.settings import DECLARED, InvalidSettings, Settings
 
 
@@ -103,6 +104,11 @@ def test_the_command_shows_values_and_origins(
     assert lines["grace"][-1] == configuration.DEFAULT
     assert main(["config", "--port", "x"]) == 2
     assert "--port must be a whole number" in capsys.readouterr().err
+
+
+def test_what_is_counted_is_kept_in_memory_where_there_is_a_place(tmp_path: Path) -> None:
+    assert in_memory(tmp_path) == str(tmp_path)
+    assert in_memory(tmp_path / "missing") is None
 
 
 def test_the_supervisor_loads_nothing_that_computes() -> None:

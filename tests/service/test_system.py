@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 import threading
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import jsonschema_rs
@@ -13,9 +15,12 @@ import pytest
 from openapi_spec_validator.schemas import schema_v31
 
 import lichen
+import lichen.errors
+import lichen_service
 from lichen.files import FORMATS, encode
 from lichen_service.app import Service
 from lichen_service.documents import as_query
+from lichen_service.meanings import MEANINGS
 from lichen_service.queries import RESERVED
 from lichen_service.readiness import Readiness, example
 from lichen_service.settings import Settings
@@ -30,6 +35,7 @@ DOCUMENTS = (
     "/v1/accuracy",
     "/v1/limits",
     "/v1/version",
+    "/problems",
     "/openapi.json",
     "/",
 )
@@ -101,6 +107,21 @@ def test_the_page_is_html_that_runs_nothing_of_others(call: Caller) -> None:
     response = call("GET", "/")
     assert response.headers["Content-Type"].startswith("text/html")
     assert response.headers["Content-Security-Policy"].startswith("default-src 'none'; script-src 'self'")
+
+
+def test_every_code_of_the_source_is_explained(call: Caller) -> None:
+    folder = Path(lichen_service.__file__).parent
+    source = "".join(each.read_text() for each in folder.rglob("*.py") if each.stem != "meanings")
+    told = set(re.findall(r'\(\s*(?:[45]\d\d|CLIENT_GONE),\s*"([a-z-]+)"', source))
+    told |= set(re.findall(r'_Refused\([^"]*f?"[^"]*", "([a-z-]+)"\)', source))
+    told |= set(re.findall(r'^    code = "([a-z-]+)"', inspect.getsource(lichen.errors), re.MULTILINE))
+    assert set(MEANINGS) - told == set(), "nobody says these"
+    assert told - set(MEANINGS) == set(), "nobody explains these"
+    listed = read_json(call("GET", "/problems"))["problems"]
+    assert [each["code"] for each in listed] == list(MEANINGS)
+    for each in listed:
+        assert read_json(call("GET", each["type"])) == each
+    problem_of(call("GET", "/problems/made-up"), 404, "not-found")
 
 
 # --------------------------------------------------------------------------------------------- paths and methods

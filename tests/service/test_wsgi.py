@@ -122,7 +122,9 @@ def gunicorn(tmp_path: Path) -> Iterator[int]:
         yield port
     finally:
         process.terminate()
-        process.communicate(timeout=30)
+        said = process.communicate(timeout=30)[1]
+    assert process.returncode == 0
+    assert "SIGABRT" not in said, "a thread came back from a library to an interpreter that had gone"
 
 
 def test_gunicorn_serves_it(gunicorn: int, call: Caller, png: bytes) -> None:

@@ -10,11 +10,14 @@ from dataclasses import dataclass
 from lichen_service.http.message import Head, Response
 
 _EXPOSED = (
-    "Content-Digest, ETag, Location, Preference-Applied, RateLimit, RateLimit-Policy, Retry-After, Server-Timing, "
-    "X-Problem-Code, X-Request-ID, Lichen-Method, Lichen-Device, Lichen-Error, Lichen-Measured, Lichen-Precision, "
-    "Lichen-Skipped, Lichen-Nonfinite, Lichen-Clipped, Lichen-Space"
+    "Content-Digest, Content-Range, ETag, Link, Location, Preference-Applied, RateLimit, RateLimit-Policy, "
+    "Retry-After, Server-Timing, X-Problem-Code, X-Request-ID, Lichen-Method, Lichen-Device, Lichen-Error, "
+    "Lichen-Measured, Lichen-Precision, Lichen-Skipped, Lichen-Nonfinite, Lichen-Clipped, Lichen-Seed, Lichen-Space"
 )
-_MAY_SEND = "Authorization, Content-Type, Idempotency-Key, If-None-Match, Prefer, Range, Request-Timeout, X-Request-ID"
+_MAY_SEND = (
+    "Authorization, Content-Type, Idempotency-Key, If-Match, If-None-Match, Prefer, Range, Request-Timeout, "
+    "X-Request-ID"
+)
 _KEPT = "600"
 """Seconds for which a browser need not ask again."""
 

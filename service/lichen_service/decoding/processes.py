@@ -10,7 +10,15 @@ from typing import NamedTuple
 
 MODULE = "lichen_service.decoding.child"
 # Threads of codecs would only compete with those of other requests; and a decoder computes nothing.
-_ENVIRONMENT = {"OPENCV_FOR_THREADS_NUM": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"}
+_ENVIRONMENT = {
+    "OPENCV_FOR_THREADS_NUM": "1",
+    "OMP_NUM_THREADS": "1",
+    "MALLOC_ARENA_MAX": "1",
+    # Said here rather than left to a version of the library; our own limits are checked first.
+    "OPENCV_IO_MAX_IMAGE_WIDTH": str(1 << 20),
+    "OPENCV_IO_MAX_IMAGE_HEIGHT": str(1 << 20),
+    "OPENCV_IO_MAX_IMAGE_PIXELS": str(1 << 30),
+}
 
 
 class Begun(NamedTuple):

@@ -30,8 +30,8 @@ _PLAIN = (str, int, float, type(None), list, tuple, dict)
 
 
 class Recorded(Protocol):
-    def record(self) -> Mapping[str, Any]:
-        """The fields of a line."""
+    def record(self) -> dict[str, Any]:
+        """The fields of a line, made anew."""
 
 
 Tell = Callable[[Sequence[Mapping[str, Any]]], None]
@@ -66,7 +66,9 @@ class AccessLog:
         lines = []
         for _ in range(len(self._answered)):
             moment, exchange = self._answered.popleft()
-            lines.append({**exchange.record(), "event": "request", "time": shown(moment), "level": "info"})
+            line = exchange.record()
+            line["event"], line["time"], line["level"] = "request", shown(moment), "info"
+            lines.append(line)
         if lines and self._tell is not None:
             try:
                 self._tell(lines)

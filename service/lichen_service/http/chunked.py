@@ -102,9 +102,9 @@ class ChunkedBody:
         self._part = _Part.DATA
         self._chunks += 1
         if self._chunks > MOST_CHUNKS:
-            return Refusal(413, "too-many-chunks", f"the body comes in more than {MOST_CHUNKS} chunks")
+            return Refusal(413, "too-many-chunks", f"the body comes in more than {MOST_CHUNKS} chunks", MOST_CHUNKS)
         if len(self.body) + self._remaining > self._largest:
-            return Refusal(413, "too-large", f"the body is larger than {self._largest} bytes")
+            return Refusal(413, "too-large", f"the body is larger than {self._largest} bytes", self._largest)
         return None
 
 

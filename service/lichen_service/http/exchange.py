@@ -8,6 +8,7 @@ import re
 import socket
 import time
 from dataclasses import dataclass, field
+from typing import Any
 
 from lichen_service.http.access_log import shown_query
 from lichen_service.http.chunked import ChunkedBody
@@ -152,7 +153,7 @@ class Exchange:
         self.ended = time.monotonic()
         return self
 
-    def record(self) -> dict[str, object]:
+    def record(self) -> dict[str, Any]:
         """The line of the access log."""
         path, _, query = self.target.partition("?")
         line: dict[str, object] = {

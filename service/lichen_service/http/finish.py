@@ -5,6 +5,7 @@ Rules
   names a server or a version.
 - A header that could end its line early, or is not Latin-1, is a defect of the route: `BadResponse`, and the client
   sees a 500. So is a status that requires a field (405 without Allow) and lacks it.
+- What a route does not say otherwise may load and run nothing where a browser shows it.
 - HEAD gets the headers of the GET, length included, and no body; 204 and 304 never have one.
 """
 
@@ -28,6 +29,8 @@ _REQUIRED = {405: "allow", 401: "www-authenticate"}
 _OURS = frozenset(
     ("date", "content-length", "connection", "transfer-encoding", "server", "x-request-id", "x-content-type-options")
 )
+_POLICY = "content-security-policy"
+_INERT = ("Content-Security-Policy", "sandbox; default-src 'none'")
 _PHRASES = {status.value: status.phrase for status in HTTPStatus}
 
 
@@ -106,6 +109,8 @@ def _checked(status: int, headers: Iterable[tuple[str, str]]) -> list[tuple[str,
     if required is not None and required not in names:
         raise BadResponse(f"{status} requires the header {required}")
     own = [each for each, name in zip(headers, names, strict=True) if name not in _OURS]
+    if _POLICY not in names:
+        own.append(_INERT)
     for name, value in own:
         _check(name, value)
     return own

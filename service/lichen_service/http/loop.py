@@ -35,10 +35,14 @@ LOGGED_WITHIN = 0.02
 LOGGED_WHILE_FULL = 0.1
 """the same while all places are taken: more lines at once cost less"""
 REST = 0.016
-"""seconds between rounds while all places are taken: refusals made together take the processor, and the interpreter,
-from those who compute less often"""
+"""seconds between looks at connections while nearly all places are taken: refusals made together take the processor,
+and the interpreter, from those who compute less often"""
+LOOKED_FOR = 1 / 4
+"""of the places in the queue, which must be free before connections are looked at sooner: who computes has enough to do
+until then"""
 _ACCEPTS_AT_ONCE = 8
 """few, so that workers that share a listener share its connections"""
+_ACCEPTS_AFTER_A_REST = 64
 
 
 @lru_cache(maxsize=8)
@@ -132,7 +136,7 @@ class Loop:
 
     def known(self, received: bytearray) -> Known | None:
         """The answer to a head that need not be read again."""
-        return self._prompts.get(received) or (self._prompts.refused(received) if self._full else None)
+        return self._prompts.get(received, self._full)
 
     def learn(self, raw: bytes, exchange: Exchange, response: Response) -> None:
         """What was answered to a head, for when it comes again."""
@@ -230,6 +234,7 @@ class Loop:
             refusal.detail,
             request_id=request_id,
             retryable=refusal.status == HTTPStatus.REQUEST_TIMEOUT,
+            limit=refusal.limit,
         )
 
     def failure(self, request_id: str) -> Response:
@@ -238,7 +243,8 @@ class Loop:
         return problem(500, "internal-error", "The service failed", detail, request_id=request_id)
 
     def _rest(self) -> float:
-        return REST if self._full else 0.0
+        places = self.settings.threads + self.settings.queue
+        return REST if self.in_flight >= places - LOOKED_FOR * self.settings.queue else 0.0
 
     def _log_failures(self) -> None:
         if self.log.failures:
@@ -255,7 +261,7 @@ class Loop:
             self.reactor.watch(self._listener, READ, self._accept)
 
     def _accept(self, _mask: int) -> None:
-        for _ in range(_ACCEPTS_AT_ONCE):
+        for _ in range(_ACCEPTS_AFTER_A_REST if self._rest() else _ACCEPTS_AT_ONCE):
             if not self._accept_one():
                 return
 

@@ -76,6 +76,8 @@ class Refusal:
     status: int
     code: str
     detail: str
+    limit: int | None = None
+    """what was crossed, where something was"""
 
 
 class RawHead(NamedTuple):

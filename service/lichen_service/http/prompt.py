@@ -7,7 +7,7 @@ answer is decided, too. Only its date and the id of the request are new. An id t
 the head before it is looked up: whatever it is, it is only echoed.
 
 While all places are taken, most of what comes is refused like what came just before: the same head, its query apart,
-in want of a thread. Such a request is not read again either (`Prompts.refused`), so that refusing takes little from
+in want of a thread. Such a request is not read again either, so that refusing takes little from
 those who compute. Whatever its query says, nothing can be begun for it now.
 
 Rules
@@ -35,7 +35,8 @@ from lichen_service.http.message import Head, Response
 MOST = 256
 LARGEST_HEAD = 2048
 LARGEST_BODY = 64 * 1024
-_QUERIED = re.compile(rb"(?:GET|HEAD) /[\x21-\x22\x24-\x3e\x40-\x7e]*(\?[\x21-\x22\x24-\x7e]*) HTTP/1\.1(?=\r\n)")
+_QUERIED = re.compile(rb"(?:GET|HEAD) /[\x21-\x22\x24-\x3e\x40-\x7e]*\?[\x21-\x22\x24-\x7e]* HTTP/1\.1\r\n")
+_QUERY = re.compile(rb"[\x21-\x22\x24-\x7e]*")
 _ID = re.compile(rb"\r\nX-Request-ID:[ \t]*([A-Za-z0-9._-]{1,128})[ \t]*(?=\r\n)", re.IGNORECASE)
 
 
@@ -49,6 +50,8 @@ class Prompt:
     method: str
     path: str
     fields: dict[str, object]
+    line: dict[str, Any]
+    """of the log, but for what is an answer's own"""
 
     def send(self, sock: socket.socket, peer: str, offered: str | None, query: str = "") -> Prompted | Exchange:
         """Answers, with the id that the client has offered; where the socket does not take all of it at once, the
@@ -79,15 +82,10 @@ class Prompted(NamedTuple):
     ended: float
 
     def record(self) -> dict[str, Any]:
-        prompt = self.prompt
         line = {
-            **prompt.fields,
+            **self.prompt.line,
             "request_id": self.request_id,
             "peer": self.peer,
-            "method": prompt.method,
-            "path": prompt.path,
-            "status": prompt.status,
-            "bytes_in": 0,
             "bytes_out": self.sent,
             "total_ms": milliseconds(self.started, self.ended),
         }
@@ -112,26 +110,29 @@ class Prompts:
         self._refused: dict[tuple[bytes, bytes], Prompt] = {}
         """by what stands before and behind the query"""
 
-    def get(self, received: bytearray) -> Known | None:
-        """The answer to a head."""
-        if not self._known or len(received) > LARGEST_HEAD:
+    def get(self, received: bytearray, full: bool = False) -> Known | None:
+        """The answer to a head; that there is no place for it, where all are taken and one like it has been refused."""
+        if not (self._known or self._refused) or len(received) > LARGEST_HEAD:
             return None
         raw = bytes(received)
         if (known := self._known.get(raw)) is not None:
             return Known(known, None)
+        if full and (refused := self._refusal(raw)) is not None:
+            return refused
         raw, offered = _without_id(raw)
         known = self._known.get(raw) if offered is not None else None
         return None if known is None else Known(known, offered)
 
-    def refused(self, received: bytearray) -> Known | None:
-        """The refusal of a head like one that has been refused for want of a place."""
-        if not self._refused or len(received) > LARGEST_HEAD:
+    def _refusal(self, raw: bytes) -> Known | None:
+        offered = None
+        before, _, rest = raw.partition(b"?")
+        query, _, after = rest.partition(b" ")
+        if (known := self._refused.get((before, after))) is None:
+            after, offered = _without_id(after)
+            known = self._refused.get((before, after)) if offered is not None else None
+        if known is None or not _QUERY.fullmatch(query):
             return None
-        raw, offered = _without_id(bytes(received))
-        if (found := _QUERIED.match(raw)) is None:
-            return None
-        known = self._refused.get((raw[: found.start(1)], raw[found.end(1) :]))
-        return None if known is None else Known(known, offered, found[1].decode())
+        return Known(known, offered, f"?{query.decode()}")
 
     def learn(self, raw: bytes, exchange: Exchange, response: Response) -> None:
         """Remember the answer to a head, if it is one to remember."""
@@ -151,28 +152,30 @@ class Prompts:
     def learn_refusal(self, raw: bytes, exchange: Exchange, refusal: Callable[[str], Response]) -> None:
         """Remember that a head was refused for want of a place, by the refusal of an id."""
         raw, repeats = _repeats(raw, exchange)
-        if not repeats or (found := _QUERIED.match(raw)) is None:
+        if not repeats or not _QUERIED.match(raw):
             return
         method = exchange.method
 
         @lru_cache(maxsize=8)
-        def framed(length: int) -> tuple[bytes, bytes]:
-            """Around date and id; the length of the answer depends on that of the id."""
-            start, rest, _ = frame(refusal("-" * length), method, keep_alive=True)
-            return start.encode("latin-1"), rest.encode("latin-1")
+        def around(second: int, length: int) -> list[bytes]:
+            """What stands around each place of an id; the length of the answer depends on that of the id."""
+            place = "\0" * length
+            made = refusal(place)
+            start, rest, body = frame(made, method, keep_alive=True)
+            head = f"{start}{date(second).decode()}\r\nX-Request-ID: {place}\r\n{rest}".encode("latin-1")
+            return (head + bytes(body)).split(place.encode())
 
         def whole(request_id: bytes) -> bytes:
-            before, after = framed(len(request_id))
-            body = b"" if method == "HEAD" else bytes(refusal(request_id.decode()).body)
-            return b"%b%b\r\nX-Request-ID: %b\r\n%b%b" % (before, date(int(time.time())), request_id, after, body)
+            return request_id.join(around(int(time.time()), len(request_id)))
 
-        prompt = _prompt(whole, exchange, refusal(exchange.request_id))
-        _keep(self._refused, (raw[: found.start(1)], raw[found.end(1) :]), prompt)
+        before, _, rest = raw.partition(b"?")
+        _keep(self._refused, (before, rest.partition(b" ")[2]), _prompt(whole, exchange, refusal(exchange.request_id)))
 
 
 def _prompt(whole: Callable[[bytes], bytes], exchange: Exchange, response: Response) -> Prompt:
-    path = exchange.target.partition("?")[0]
-    return Prompt(whole, response.status, exchange.method, path, dict(response.log))
+    status, method, path = response.status, exchange.method, exchange.target.partition("?")[0]
+    line = {**response.log, "method": method, "path": path, "status": status, "bytes_in": 0}
+    return Prompt(whole, status, method, path, dict(response.log), line)
 
 
 Key = TypeVar("Key")

@@ -77,7 +77,9 @@ class Reactor:
         self.after_round: Call = _nothing
         """made after each round of events"""
         self.rest: Callable[[], float] = _without_rest
-        """asked before each round: seconds in which nothing but `post` begins one, so that many events come together"""
+        """asked before each round: seconds after the last look at sockets in which none is taken, so that many events
+        come together; calls and deadlines are not kept waiting"""
+        self._looked = 0.0
         self._woken, self._waker = socket.socketpair()
         self._woken.setblocking(False)
         self._waker.setblocking(False)
@@ -113,12 +115,10 @@ class Reactor:
 
     def run(self) -> None:
         """Serve until `stop`; all that is called must let no exception escape."""
+        self._looked = time.monotonic()
         while not self._stopped:
             self._asleep = True
-            if rest := self.rest():
-                pause = self._pause()
-                select.select([self._woken], [], [], rest if pause is None else min(rest, pause))
-            ready = self._selector.select(self._pause())
+            ready = self._events()
             self._asleep = False
             for key, mask in ready:
                 key.data(mask)
@@ -129,6 +129,19 @@ class Reactor:
                 queued, _, deadline = heapq.heappop(self._heap)
                 deadline._come_up(queued, now)
             self.after_round()
+
+    def _events(self) -> list[tuple[selectors.SelectorKey, int]]:
+        """What is ready, when something is; nothing, when a call or a deadline has ended the rest before its time."""
+        if rest := self.rest():
+            ends, pause = self._looked + rest, self._pause()
+            left = max(0.0, ends - time.monotonic())
+            if select.select([self._woken], [], [], left if pause is None else min(left, pause))[0]:
+                self._drop_wake_ups(READ)
+            if time.monotonic() < ends:
+                return []
+        ready = self._selector.select(self._pause())
+        self._looked = time.monotonic()
+        return ready
 
     def stop(self) -> None:
         self._stopped = True

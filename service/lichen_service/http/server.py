@@ -9,6 +9,8 @@ Rules
   the supervisor gives up and says so.
 - Loading libraries is most of what a start takes. So one spare worker has done that before it is needed, and waits; it
   is started when all others serve and have had a moment for their first requests.
+- A worker shows at each beat that its loop goes round. One that is silent for too long can only be killed. One that
+  holds too much memory is renewed: it ends in order once another serves in its place.
 - First SIGTERM or SIGINT: workers stop accepting and answer what they have, up to `grace` seconds; exit status 0. A
   second one, or the end of the grace, kills them; exit status 1.
 - As process 1 it also reaps the orphans that the system hands it.
@@ -29,6 +31,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from lichen_service.http.limits import WireSettings
 
@@ -38,10 +41,16 @@ UNIX = "unix:"
 FIRST_PAUSE = 0.1
 LONGEST_PAUSE = 5.0
 """seconds between a worker's death and its replacement"""
+LASTING = 2 * LONGEST_PAUSE
+"""seconds after which a worker had nothing wrong with its start"""
 MOST_FAILED_STARTS = 3
 """deaths before any worker was ready after which the supervisor gives up"""
 SPARE_AFTER = 3.0
 """seconds from when all workers serve to the start of the spare one"""
+BEATS = 5
+"""signs of life within the time that a worker may be silent"""
+LOOK_EVERY = 5.0
+"""seconds between looks at the memory of workers where nobody listens for beats"""
 _ENVIRONMENT = {
     "MALLOC_ARENA_MAX": "2",
     "PYTHONFAULTHANDLER": "1",
@@ -109,12 +118,24 @@ def _bind_unix(path: str) -> socket.socket:
     return listener
 
 
+def resident(pid: int) -> int:
+    """Bytes of memory that a process holds; 0 of one that has gone."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, IndexError):
+        return 0
+
+
 @dataclass
 class _Worker:
     process: subprocess.Popen[bytes]
     ready_fd: int
     spare: bool = False
     ready: bool = False
+    silent: int = 0
+    """beats that have not been heard"""
+    renewed: bool = False
+    """whether another is to take its place"""
     started: float = field(default_factory=time.monotonic)
 
 
@@ -129,6 +150,9 @@ class Supervisor:
         """when the missing workers are to be started"""
         self._spare_at = math.inf
         """when the spare one is"""
+        self._beat = settings.silence / BEATS or (LOOK_EVERY if settings.worker_memory else math.inf)
+        self._look_at = time.monotonic() + self._beat
+        """when workers are looked at next"""
         self._pause = FIRST_PAUSE
         self._failed_starts = 0
         self._announced = False
@@ -148,8 +172,10 @@ class Supervisor:
                         for number in woken.recv(4096):
                             self._signalled(number)
                     else:
-                        self._became_ready(key.data)
+                        self._hear(key.data)
                 self._reap()
+                if time.monotonic() >= self._look_at:
+                    self._look()
                 if self._ends is not None and time.monotonic() >= self._ends:
                     self._kill()
                 if self._failed_starts >= MOST_FAILED_STARTS and self._ends is None:
@@ -226,6 +252,7 @@ class Supervisor:
     def _start(self, *, spare: bool = False) -> _Worker:
         """A worker that is told to serve next, or else loads its libraries and waits."""
         ready_fd, other_end = os.pipe()
+        os.set_blocking(ready_fd, False)
         descriptors = (self._listener.fileno(), other_end, self._lifeline)
         process = subprocess.Popen(
             [sys.executable, "-m", "lichen_service.http.worker", *map(str, descriptors)],
@@ -243,18 +270,58 @@ class Supervisor:
         self._selector.register(ready_fd, selectors.EVENT_READ, worker)
         return worker
 
-    def _became_ready(self, worker: _Worker) -> None:
-        worker.ready = bool(os.read(worker.ready_fd, 1))  # nothing: it died first
+    def _hear(self, worker: _Worker) -> None:
+        worker.silent = 0
+        if not os.read(worker.ready_fd, 4096):  # it has died, or will say no more
+            self._hear_no_more(worker)
+        elif not worker.ready:
+            worker.ready = True
+            self._became_ready()
+
+    def _hear_no_more(self, worker: _Worker) -> None:
         self._selector.unregister(worker.ready_fd)
         os.close(worker.ready_fd)
         worker.ready_fd = -1
-        if worker.ready and not self._announced:
+
+    def _became_ready(self) -> None:
+        if not self._announced:
             self._announced = True
             print(f"Lichen listens on {self._url()}", flush=True)
+        for pid, each in self._workers.items():
+            if each.renewed:
+                os.kill(pid, signal.SIGTERM)
         serving = [each for each in self._workers.values() if each.ready]
-        wanted = self._settings.spare == "on" and self._ends is None
-        if wanted and len(serving) == len(self._workers) == self._settings.workers:
+        if len(serving) == len(self._workers) == self._settings.workers:
+            self._want_spare()
+
+    def _want_spare(self) -> None:
+        if self._settings.spare == "on" and self._ends is None:
             self._spare_at = time.monotonic() + SPARE_AFTER
+
+    def _look(self) -> None:
+        """Whether those that serve have been heard, and what they hold. Beats are counted here rather than timed, since
+        who has been stopped together with them would find all of them late."""
+        self._look_at = time.monotonic() + self._beat
+        serving = {pid: each for pid, each in self._workers.items() if each.ready}
+        if self._ends is not None:
+            return
+        for pid, worker in serving.items():
+            worker.silent += 1
+            if self._settings.silence and worker.silent > BEATS:
+                print(f"Lichen kills worker {pid}: silent for {self._settings.silence:g} s", file=sys.stderr)
+                os.kill(pid, signal.SIGKILL)
+        if not self._settings.worker_memory or any(each.renewed for each in serving.values()):
+            return
+        for pid, worker in serving.items():
+            held = resident(pid)
+            if held > self._settings.worker_memory and self._lasted(worker):
+                print(f"Lichen renews worker {pid}: it holds {held} bytes", file=sys.stderr)
+                worker.renewed = True
+                self._starts.append(time.monotonic())
+                return
+
+    def _lasted(self, worker: _Worker) -> bool:
+        return time.monotonic() - worker.started > LASTING
 
     def _reap(self) -> None:
         with contextlib.suppress(ChildProcessError):
@@ -269,7 +336,10 @@ class Supervisor:
 
     def _lost(self, worker: _Worker) -> None:
         if worker.ready_fd >= 0:
-            self._became_ready(worker)
+            with contextlib.suppress(BlockingIOError):
+                self._hear(worker)  # what it said last
+        if worker.ready_fd >= 0:
+            self._hear_no_more(worker)
         if worker.spare and worker.process.stdin is not None:
             with contextlib.suppress(BrokenPipeError):  # it may have died before it read what its pipe still holds
                 worker.process.stdin.close()
@@ -280,15 +350,18 @@ class Supervisor:
             # Before it is ready a worker has nothing to lose, and ends on SIGTERM as any process does.
             self._killed |= worker.ready and worker.process.returncode != 0
             return
+        if worker.renewed:
+            self._want_spare()
+            return
         print(f"Lichen lost worker {worker.process.pid} (status {worker.process.returncode})", file=sys.stderr)
         if not worker.ready and not self._announced:
             self._failed_starts += 1
-        lasted = time.monotonic() - worker.started > 2 * LONGEST_PAUSE
+        lasted = self._lasted(worker)
         self._pause = FIRST_PAUSE if worker.ready and lasted else min(2 * self._pause, LONGEST_PAUSE)
         self._starts.append(time.monotonic() + (0.0 if worker.ready and lasted else self._pause))
 
     def _patience(self) -> float | None:
-        soonest = min([*self._starts, self._spare_at, math.inf if self._ends is None else self._ends])
+        soonest = min([*self._starts, self._spare_at, self._look_at, math.inf if self._ends is None else self._ends])
         return None if soonest == math.inf else max(0.0, soonest - time.monotonic())
 
     def _url(self) -> str:

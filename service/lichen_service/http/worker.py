@@ -4,8 +4,9 @@
 
 Standard input brings, pickled, the name of the application's maker and whether this worker is a spare one, which loads
 its libraries then; and the settings, at which serving begins: of a spare worker that may be much later, or never. READY
-gets one byte once requests can be answered. LIFELINE is readable only when the supervisor has died; the worker then
-ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to standard error.
+gets one byte once requests can be answered, and one at each beat as long as the loop goes round. LIFELINE is readable
+only when the supervisor has died; the worker then ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to
+standard error.
 
 The process ends without tearing the interpreter down: threads that compute (a warm-up, a calibration, a job that will
 wait again) may be inside a library, and one that comes back from C++ to an interpreter that is going is aborted, and
@@ -15,6 +16,7 @@ the process with it.
 from __future__ import annotations
 
 import atexit
+import contextlib
 import faulthandler
 import gc
 import importlib
@@ -23,12 +25,14 @@ import pickle
 import signal
 import socket
 import sys
+import time
 from typing import NoReturn, cast
 
 from lichen_service.http.limits import WireSettings
 from lichen_service.http.loop import Loop
 from lichen_service.http.message import Application
 from lichen_service.http.reactor import READ
+from lichen_service.http.server import BEATS
 
 SWITCH_INTERVAL = 0.001
 """seconds; the loop thread asks for the interpreter often and briefly, and the default of 5 ms would be its latency"""
@@ -52,8 +56,7 @@ def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
         signal.signal(signal.SIGTERM, lambda *_: loop.stop())
         loop.reactor.watch(lifeline_fd, READ, lambda _mask: _orphaned(loop, lifeline_fd))
         gc.freeze()  # what is loaded stays; to look through it again and again stops all threads each time, for 0.1 s
-        os.write(ready_fd, b"\1")
-        os.close(ready_fd)
+        _show_life(loop, ready_fd, settings.silence / BEATS)
         drained = loop.run()
     if drained:
         atexit._run_exitfuncs()
@@ -72,6 +75,23 @@ def make(maker: str) -> Application:
     """The application of `module:function`."""
     module, _, function = maker.partition(":")
     return cast("Application", getattr(importlib.import_module(module), function)())
+
+
+def _show_life(loop: Loop, ready_fd: int, every: float) -> None:
+    """Now, and every so many seconds if there are any."""
+    os.set_blocking(ready_fd, False)
+    os.set_inheritable(ready_fd, False)  # its end tells that this process has ended
+
+    def beat() -> None:
+        with contextlib.suppress(OSError):  # the supervisor has not read for long, or has gone
+            os.write(ready_fd, b"\1")
+        if every:
+            again.set(time.monotonic() + every)
+
+    again = loop.reactor.deadline(beat)
+    beat()
+    if not every:
+        os.close(ready_fd)
 
 
 def _orphaned(loop: Loop, lifeline_fd: int) -> None:

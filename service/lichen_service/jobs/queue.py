@@ -58,6 +58,9 @@ class Exists(Exception):
         self.same = same
 
 
+_KEPT = "(expires IS NULL OR expires >= ?)"
+
+
 class TooMany(Exception):
     """A quota is used up; the text says which."""
 
@@ -85,7 +88,9 @@ class Queue:
         name = secrets.token_hex(16)
         digest = request.digest(body)
         if key is not None and (known := self._by_key(owner, key)) is not None:
-            raise Exists(known[0], known[1] == digest)
+            if self.find(known[0].id) is not None:
+                raise Exists(known[0], known[1] == digest)
+            self.forget(known[0])  # its time is over
         folder = durable.private_folder(self._files / name)
         try:
             for each in {value for _, value in request.query if is_id(value)}:
@@ -113,15 +118,14 @@ class Queue:
         return found
 
     def find(self, name: str) -> Job | None:
-        rows = self._select("SELECT * FROM jobs WHERE id = ?", name)
+        """None also for one whose time is over."""
+        rows = self._select(f"SELECT * FROM jobs WHERE id = ? AND {_KEPT}", name, time.time())
         return Job.of(rows[0]) if rows else None
 
     def of(self, owner: str, most: int) -> list[Job]:
         """The newest jobs of an owner."""
-        return [
-            Job.of(row)
-            for row in self._select("SELECT * FROM jobs WHERE owner = ? ORDER BY created DESC LIMIT ?", owner, most)
-        ]
+        newest = f"SELECT * FROM jobs WHERE owner = ? AND {_KEPT} ORDER BY created DESC LIMIT ?"
+        return [Job.of(row) for row in self._select(newest, owner, time.time(), most)]
 
     def counts(self) -> dict[str, int]:
         """How many jobs there are, by state."""

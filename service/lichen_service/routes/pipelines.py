@@ -27,7 +27,7 @@ from lichen.planning.pipeline import Pipeline, escaped, nodes_of, read
 from lichen.planning.plan import planning_seconds
 from lichen_service import mixed, queries, strict_json, uploads
 from lichen_service.assets import is_id
-from lichen_service.documents import canonical, content_digest, matches, momentary
+from lichen_service.documents import canonical, content_digest, momentary, unchanged
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
 from lichen_service.http.message import Head, Request, Response
 from lichen_service.memory import reserve
@@ -94,14 +94,14 @@ class Pipelines:
             parts = len(deliveries) > 1 or prefers(request.head.headers.get("accept"), mixed.MIXED)
             forms = [parts, {name: form_of(each) for name, each in deliveries.items()}]
             tag = entity_tag(digests.result(), prepared.plan.digest, forms)
-            if not options.verify and matches(request.head, tag):
+            if not options.verify and unchanged(request.head, tag):
                 return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
 
             stages.afford(prepared.plan.seconds)
 
             def compute() -> Response:
                 with stages.stage("run"):
-                    results = prepared.run(shared=self._running.shared(digests, options))
+                    results = prepared.run(shared=self._running.shared(digests, options), before=stages.go_on)
                 timing = next(iter(results.values())).timing
                 stages.split("run", {name: taken for name, taken in timing.items() if name != "plan"})
                 with stages.stage("encode"):

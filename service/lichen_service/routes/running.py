@@ -33,7 +33,7 @@ from lichen_service.addresses import canonical_of, link_to
 from lichen_service.assets import Assets
 from lichen_service.cache import Answers
 from lichen_service.decoding.pool import Decoders
-from lichen_service.documents import canonical, content_digest, matches, momentary
+from lichen_service.documents import canonical, content_digest, momentary, unchanged
 from lichen_service.formats import NOWHERE, Delivery, Origin, agree, readable
 from lichen_service.http.message import Body, Head, Request, Response
 from lichen_service.memory import reserve, to_decode, to_run
@@ -90,6 +90,8 @@ class Running:
             response = self._answer(request, operation, query, images, delivery, shape, digests, stages)
         if request.head.method in ("GET", "HEAD"):  # the address is all there is of the request
             response.headers |= link_to(canonical_of(operation, query))
+        if (seed := operation.parameters.model_fields.get("seed")) is not None:
+            response.headers["Lichen-Seed"] = str(query.values.get("seed", seed.default))
         return response
 
     def check(self, request: Request, name: str) -> None:
@@ -114,13 +116,14 @@ class Running:
         if options.explain:
             return _plan_document(prepared.plan.to_json(), delivery, stages)
         tag = entity_tag(digests.result(), prepared.plan.digest, [form_of(delivery), shape])
-        if "if-none-match" in head.headers and not options.verify and matches(head, tag):
+        if not options.verify and unchanged(head, tag):
             return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache", "Vary": "Accept"})
         stages.afford(prepared.plan.seconds)
 
         def compute() -> Response:
             with stages.stage("run"):
-                (result,) = prepared.run(shared=self.shared(digests, options)).values()
+                made = prepared.run(shared=self.shared(digests, options), before=stages.go_on)
+                (result,) = made.values()
             stages.split("run", {name: taken for name, taken in result.timing.items() if name != "plan"})
             with stages.stage("encode"):
                 encoded = None

@@ -17,7 +17,7 @@ import hashlib
 from functools import cache
 
 import lichen
-from lichen_service.documents import canonical, document, matches
+from lichen_service.documents import canonical, document, unchanged
 from lichen_service.http.message import Request, Response
 from lichen_service.refusals import Refusal
 from lichen_service.routes.system import versions
@@ -66,7 +66,7 @@ class Studio:
     def thumbnail(self, request: Request, name: str) -> Response:
         """Known by its tag before it is made: it changes with the engine alone."""
         tag = _tag("thumbnail", name)
-        if matches(request.head, tag):
+        if unchanged(request.head, tag):
             return Response(304, headers={"ETag": tag, "Cache-Control": "no-cache"})
         headers = {"ETag": tag, "Cache-Control": "no-cache", "Content-Type": "image/png"}
         return Response(200, thumbnail(name), headers)

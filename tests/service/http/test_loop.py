@@ -208,7 +208,9 @@ def test_chunked_body_over_the_limit_is_refused_while_it_arrives(server: Running
     with server.connect() as client:
         client.send(post_chunked("/small", b"x" * 600, end=b""))
         client.send(b"%x\r\n" % 600)
-        assert client.reply().status == 413
+        reply = client.reply()
+    assert reply.status == 413
+    assert reply.document()["limit"] == 1000
 
 
 def test_too_many_chunks(server: Running) -> None:

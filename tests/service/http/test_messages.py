@@ -32,11 +32,19 @@ def test_headers_are_completed() -> None:
     assert headers == {
         "X-Request-ID": "id",
         "X-Content-Type-Options": "nosniff",
+        "Content-Security-Policy": "sandbox; default-src 'none'",
         "Content-Type": "text/plain",
         "Content-Length": "5",
         "Connection": "keep-alive",
     }
     assert body == b"hello"
+
+
+def test_a_policy_of_the_routes_own_is_the_only_one() -> None:
+    policy = "default-src 'self'"
+    _, headers, _ = finished(Response(200, b"", {"content-security-policy": policy}))
+    assert {name.lower(): value for name, value in headers.items()}["content-security-policy"] == policy
+    assert "Content-Security-Policy" not in headers
 
 
 def test_head_keeps_the_length_and_drops_the_body() -> None:

@@ -41,24 +41,30 @@ def test_a_deadline_ends_the_rest(reactor: Reactor) -> None:
     assert ended(reactor)
 
 
-def test_what_came_during_the_rest_is_seen_together(reactor: Reactor) -> None:
+def test_calls_are_made_during_the_rest_and_what_came_is_seen_together_after_it(reactor: Reactor) -> None:
     rounds: list[list[str]] = [[]]
     pairs = {name: socket.socketpair() for name in ("first", "second")}
-    asleep = threading.Event()
+    asleep, called, over = threading.Event(), threading.Event(), threading.Event()
 
     def rest() -> float:
         asleep.set()
-        return FOR_EVER
+        return 0.0 if over.is_set() else FOR_EVER
 
     def came(name: str) -> None:
         pairs[name][0].recv(1)
         rounds[-1].append(name)
+        if len(rounds[-1]) == len(pairs):
+            reactor.stop()
 
     def send() -> None:
         assert asleep.wait(PATIENCE)
         for _, sender in pairs.values():
             sender.send(b"a")
-        reactor.post(reactor.stop)
+        reactor.post(called.set)
+        assert called.wait(PATIENCE)
+        assert not any(rounds)
+        over.set()
+        reactor.post(lambda: None)
 
     for name, (receiver, _) in pairs.items():
         reactor.watch(receiver, READ, lambda _mask, name=name: came(name))  # type: ignore[misc]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -22,7 +23,7 @@ MAIN = """
 import sys
 from lichen_service.http import server
 from wire_harness import WireConfig
-server.SPARE_AFTER = 0.0
+server.SPARE_AFTER = server.LASTING = 0.0
 status = server.serve(sys.argv[1], WireConfig(**eval(sys.argv[2])))
 heavy = {"lichen", "numpy", "pyopencl"} & set(sys.modules)
 print("imported", sorted(heavy), flush=True)
@@ -131,6 +132,12 @@ def test_a_socket_in_the_file_system(tmp_path: Path) -> None:
         client.connect(str(path))
 
 
+def test_connections_wait_while_nobody_accepts() -> None:
+    with bind("127.0.0.1", 0) as listener, contextlib.ExitStack() as stack:
+        for _ in range(300):
+            stack.enter_context(socket.create_connection(listener.getsockname(), timeout=PATIENCE))
+
+
 def test_sigterm_drains_what_is_in_flight(start: Callable[..., Service]) -> None:
     service = start()
     service.listen()
@@ -202,6 +209,40 @@ def test_a_spare_worker_is_no_hindrance_to_the_end(start: Callable[..., Service]
     service.workers(2)
     service.process.send_signal(signal.SIGTERM)
     assert service.wait() == 0
+
+
+def test_a_worker_that_shows_no_life_is_killed_and_replaced(start: Callable[..., Service]) -> None:
+    service = start(silence=1.0)
+    service.listen()
+    first = service.pid()
+    with Client(service.port) as client:
+        client.send(get("/stuck"))
+        until_said(service, f"kills worker {first}")
+        with pytest.raises(ConnectionError):
+            client.reply()
+    second = service.pid()
+    assert second != first
+    time.sleep(1.5)  # longer than it may be silent
+    assert service.pid() == second
+    assert service.errors.read_text().count("kills worker") == 1
+
+
+def test_a_worker_that_holds_too_much_is_renewed_and_nothing_it_was_asked_is_lost(
+    start: Callable[..., Service],
+) -> None:
+    service = start(silence=0.5, worker_memory=120_000_000)
+    service.listen()
+    first = service.pid()
+    with Client(service.port) as client, Client(service.port) as other:
+        client.send(get("/sleep?seconds=3"))
+        other.send(get("/grow?bytes=200000000"))
+        assert other.reply().status == 200
+        until_said(service, f"renews worker {first}")
+        reply = client.reply()
+    assert (reply.status, reply.headers["connection"]) == (200, "close")
+    until_gone(first)
+    assert service.pid() != first
+    assert "lost worker" not in service.errors.read_text()
 
 
 def test_workers_end_with_their_supervisor(start: Callable[..., Service]) -> None:

@@ -26,6 +26,8 @@ class WireConfig:
     port: int = 0
     workers: int = 1
     spare: str = "off"
+    silence: float = 0.0
+    worker_memory: int = 0
     threads: int = 2
     queue: int = 64
     header_timeout: float = 5.0
@@ -64,10 +66,13 @@ class Toy:
         self.gate = threading.Event()
         self.admitted = 0
         self.source = Source()
+        self.kept = b""
 
     def admit(self, head: Head) -> Admission | Response:
         if head.path == "/defective-admit":
             raise RuntimeError("secret of admit")
+        if head.path == "/stuck":  # on the thread that serves all clients
+            time.sleep(2 * PATIENCE)
         self.admitted += 1
         if head.path == "/lasting":
             body = b"x" * int(dict(head.headers).get("x-bytes", 5))
@@ -89,6 +94,8 @@ class Toy:
                 time.sleep(float(dict(head.query)["seconds"]))
             case "/stream":
                 return Response(200, headers={"Content-Type": "text/event-stream"}, stream=self.source)
+            case "/grow":
+                self.kept = b"x" * int(dict(head.query)["bytes"])
             case "/die":
                 os._exit(9)
             case "/many":

@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jsonschema_rs
 import pytest
 
 from lichen_service import durable, strict_json
@@ -22,6 +23,7 @@ from lichen_service.app import Service
 from lichen_service.http.message import Response
 from lichen_service.jobs.queue import MOST_ATTEMPTS
 from lichen_service.jobs.runner import Runner
+from lichen_service.openapi_storage import job_schema
 from lichen_service.refusals import Refusal
 from lichen_service.settings import Settings
 
@@ -82,6 +84,8 @@ def test_a_result_fetched_later_is_the_one_given_at_once(working: Caller, png: b
     now = working("POST", BLUR, png)
     location = accepted(working("POST", BLUR, png, {"prefer": "wait=1, respond-async"}))
     document = ended(working, location)
+    assert jsonschema_rs.is_valid(job_schema(), document)
+    assert not jsonschema_rs.is_valid(job_schema(), {**document, "progress": 101})
     assert (document["status"], document["progress"]) == ("successful", 100)
     assert document["created"] <= document["started"] <= document["finished"] < document["expires"]
     later = working("GET", f"{location}/result")

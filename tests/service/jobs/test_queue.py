@@ -88,6 +88,15 @@ def test_a_key_stands_for_one_request(queue: Queue) -> None:
     assert len(list((queue._files).iterdir())) == 2
 
 
+def test_a_key_is_free_again_when_its_job_has_expired(queue: Queue) -> None:
+    job = submit(queue, key="k")
+    with queue.worker() as worker:
+        claimed = queue.claim(worker)
+        assert claimed is not None
+        queue.finish(claimed, worker, 200, {}, b"", -1)
+    assert submit(queue, b"other body", key="k").id != job.id
+
+
 def test_asking_at_once_with_one_key_makes_one_job(queue: Queue) -> None:
     found: list[str] = []
 
@@ -169,6 +178,8 @@ def test_what_has_expired_is_forgotten_and_what_no_row_speaks_of_goes(queue: Que
             job = queue.claim(worker)
             assert job is not None
             queue.finish(job, worker, 200, {}, b"", 60 if job.id == kept.id else -1)
+    assert queue.find(ended.id) is None
+    assert [each.id for each in queue.of(kept.owner, 10)] == [kept.id]
     orphan = queue._files / "orphan"
     fresh = queue._files / "fresh"
     for folder in (orphan, fresh):
