@@ -155,6 +155,13 @@ by `make accuracy` ([precision.py](precision.py)).
 | job | {head} |
 |---|---:|---:|---:|---:|
 {chr(10).join(rows)}
+
+Frame buffers of 8 bits, of 12, and float32, in pictures ([quantisation.py](../pictures/quantisation.py)), from above:
+the depths of a shadow map, whose edges move; exponential fog, which shows bands (contrast times 12); and fog counted
+along two directions of view, as hardware once did, whose seam no number of bits mends. On the right it is counted from
+the eye.
+
+![shadows and fog from 8 bits, from 12 and in float32](../pictures/quantisation.png)
 """
 
 
