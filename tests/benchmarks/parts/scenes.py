@@ -37,7 +37,7 @@ THEN = {
     "layered fog": 12,
     "shadow, 1 texel": 15,
     "Torrance-Sparrow": 20,
-    "mirror, Fresnel, diffuse, 1280x1024": 20,
+    "mirror, Fresnel, diffuse, 1280x1024, single": 20,
 }
 """Frames a second, then."""
 
@@ -108,9 +108,12 @@ def frames() -> dict[str, Frame]:
         "Torrance-Sparrow": frame(
             "lighting", {"normal": seen["normal"], "position": seen["position"]}, lights=[lamp], eye=CAMERA["eye"]
         ),
-        "mirror, Fresnel, diffuse, 1280x1024": frame(
-            "reflection", shown, "single", chart="paraboloid", fresnel="dielectric", eye=CAMERA["eye"], coated=True
-        ),
+        **{
+            f"mirror, Fresnel, diffuse, 1280x1024, {method}": frame(
+                "reflection", shown, method, chart="paraboloid", fresnel="dielectric", eye=CAMERA["eye"], coated=True
+            )
+            for method in ("single", "exact")
+        },
         "normal-mapped environment": frame(
             "reflection", {"normal": Image(bent), "environment": sky}, "nearest", chart="latlong"
         ),
