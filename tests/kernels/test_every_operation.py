@@ -252,8 +252,8 @@ def test_declaration_is_complete(operation: Operation[Any]) -> None:
             assert all(ends[0] <= value <= ends[1] for value in method.knob.values)
             # A caller names a knob without its method, and is told one range.
             assert ranges.setdefault(method.knob.name, ends) == ends, f"two ranges of {method.knob.name}"
-    for name, field in operation.parameters.model_fields.items():
-        assert field.description, f"{name} has no description"
+    for name, told in operation.parameters.model_json_schema()["properties"].items():
+        assert told.get("description"), f"{name} has no description"
     json.dumps(operation.schema(), allow_nan=False)
     for example in operation.examples:
         hash(operation.validate(example))  # plans remember what they predicted by it
