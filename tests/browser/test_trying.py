@@ -161,6 +161,7 @@ def test_the_error_is_measured_and_drawn_over_the_picture(visit: Visits, png: by
     page = window.open()
     window.settled()
     drop(page, png)
+    window.settled()
     plain = shown(page)
     page.get_by_label("Measure the error on this picture").check()
     expect(page.locator(".colour-bar")).to_be_visible()
