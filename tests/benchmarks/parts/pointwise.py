@@ -60,7 +60,7 @@ def row(operation: Operation[Any], side: int, able: Limits, turns: Turns) -> lis
 
 
 def brief(value: Any) -> str:
-    text = str(value)
+    text = " ".join(str(value).split())
     return text if len(text) <= 24 else f"{text[:21]}..."
 
 

@@ -7,7 +7,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
@@ -139,8 +139,10 @@ def test_kannala_brandt_is_opencvs_fisheye() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(model=st.sampled_from(list(Model)), k=st.lists(ROOMY, max_size=3), p=st.tuples(ROOMY, ROOMY))
+@example(model=Model.DIVISION, k=[0.0, 1 / 3], p=(0.0, 0.0))  # ends at radius 1
 def test_a_lens_that_answers_is_right(model: Model, k: list[float], p: tuple[float, float]) -> None:
-    """Every place that has an answer goes back to where it came from, in both directions; the others are NaN."""
+    """Every place that has an answer goes back to where it came from, in both directions; the others are NaN. On the very
+    end of a lens, where it turns back, rounding decides whether there is a way back."""
     lens = Lens(model, tuple(k), (p[0] / 20, p[1] / 20) if model is Model.BROWN_CONRADY else (0.0, 0.0))
     x, y = np.meshgrid(np.linspace(-1.4, 1.4, 15), np.linspace(-1, 1, 11))
     for there, back in ((lens.undistort, lens.distort), (lens.distort, lens.undistort)):
@@ -150,6 +152,7 @@ def test_a_lens_that_answers_is_right(model: Model, k: list[float], p: tuple[flo
         if lens.p == (0, 0):
             told = lens.answers(np.hypot(x, y), distorts=there == lens.distort)
             np.testing.assert_array_equal(answered, told)
+            answered &= lens.answers(np.hypot(x, y) * (1 + 1e-9), distorts=there == lens.distort)
         again = back(u[answered], v[answered])
         if model is Model.BROWN_CONRADY and there == lens.distort:
             continue  # a point of the lens may have a second one, beyond where tangential terms fold it
