@@ -44,6 +44,8 @@ def main() -> int:
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # modules are compiled once, as an installation leaves them
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as compiled:
         os.environ.setdefault("PYTHONPYCACHEPREFIX", compiled)
+        # By the same times everywhere, or processes with other processors may choose other methods.
+        os.environ |= {"LICHEN_TIMES": str(Path(folder) / "times"), "LICHEN_CALIBRATE": "off"}
         return _soak(Path(given.folder or folder), given)
 
 
@@ -64,7 +66,8 @@ def _soak(folder: Path, given: argparse.Namespace) -> int:
         if left <= 2:
             sys.exit(f"the batch has ended after {killed} kills: more items are wanted")
         victim = _kill_once(manifest, out, draws, max(1, left // (given.kills - killed)))
-        told[victim] += victim in told
+        if victim in told:
+            told[victim] += 1
         told["seconds"] = round(before + time.monotonic() - began, 1)
         _keep(tally, told)
     last = _start(manifest, out)
