@@ -141,8 +141,8 @@ def test_kannala_brandt_is_opencvs_fisheye() -> None:
 @given(model=st.sampled_from(list(Model)), k=st.lists(ROOMY, max_size=3), p=st.tuples(ROOMY, ROOMY))
 @example(model=Model.DIVISION, k=[0.0, 1 / 3], p=(0.0, 0.0))  # ends at radius 1
 def test_a_lens_that_answers_is_right(model: Model, k: list[float], p: tuple[float, float]) -> None:
-    """Every place that has an answer goes back to where it came from, in both directions; the others are NaN. On the very
-    end of a lens, where it turns back, rounding decides whether there is a way back."""
+    """Every place that has an answer goes back to where it came from, in both directions; the others are NaN. On the
+    very end of a lens, where it turns back, rounding decides whether there is a way back."""
     lens = Lens(model, tuple(k), (p[0] / 20, p[1] / 20) if model is Model.BROWN_CONRADY else (0.0, 0.0))
     x, y = np.meshgrid(np.linspace(-1.4, 1.4, 15), np.linspace(-1, 1, 11))
     for there, back in ((lens.undistort, lens.distort), (lens.distort, lens.undistort)):
