@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def main(arguments: Sequence[str]) -> int:
     says = "Measure how fast the methods are on this machine; plans use what was found."
     parser = Parser(prog="lichen calibrate", description=says, allow_abbrev=False)
-    parser.add_argument("--quick", action="store_true", help="seconds instead of minutes: short runs, fewer of them")
+    parser.add_argument("--quick", action="store_true", help="short runs, fewer of them")
     parser.add_argument("--operation", metavar="NAME", help="only this one")
     parser.add_argument("--errors", action="store_true", help="compute the error table of this checkout instead")
     given = parser.parse_args(arguments)
