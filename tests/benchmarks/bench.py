@@ -98,6 +98,10 @@ def measured(part: str) -> bool:
         if found is None:
             return False
         sections += found
+    path = PAGES / f"{part}.json"
+    if path.exists() and all(each.get("columns") == [] for each in sections):
+        tell(f"{part}: nothing could be measured here; the page keeps what its machine found")
+        return True
     document = {
         "part": part,
         "title": module.TITLE,
@@ -108,7 +112,7 @@ def measured(part: str) -> bool:
     }
     PAGES.mkdir(parents=True, exist_ok=True)
     text = json.dumps(finite(document), indent=1, ensure_ascii=False) + "\n"
-    (PAGES / f"{part}.json").write_text(text, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     tell(f"{part}: {document['seconds']:.0f} s")
     return True
 

@@ -115,7 +115,7 @@ def measured(row: Row, copies: Copies, able: Limits, device: str | None = None) 
     figures = Turns(copies, warm=False)(contestants)  # each has run once
     mine, theirs = errors(row, row.error_side, device)
     moved = sum(each.pixels.nbytes for each in inputs.values()) + result.image.pixels.nbytes
-    least = able.seconds(moved, row.flops * result.image.pixels.size)
+    least = able.seconds(moved, row.flops * result.image.pixels.size) * figures["lichen"].pace
     return {
         "work": row.work,
         "operation": row.operation,

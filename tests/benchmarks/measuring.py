@@ -56,6 +56,8 @@ class Figure:
     dropped: int
     """samples that were taken while somebody else had the machine"""
     steady: bool = True
+    pace: float = 1.0
+    """how many times as long as the quickest copy those beside the kept samples took"""
 
     def to_json(self) -> dict[str, float | int | bool]:
         return {
@@ -122,14 +124,15 @@ class Turns:
                     run()
                     took = time.perf_counter() - began
                     after = copies()
-                    samples[name].append(Sample(took, max(before, after)))
+                    samples[name].append(Sample(took, before, after))
                     before = after
                 rounds += 1
                 if time.perf_counter() > until and rounds >= self.least:
                     break
         finally:
             gc.enable()
-        return {name: figure(each, SLOW * copies.usual) for name, each in samples.items()}
+        best = min(copies.taken)
+        return {name: figure(each, SLOW * copies.usual, best) for name, each in samples.items()}
 
     def _short(self, samples: Mapping[str, Sequence[Sample]], wanted: int) -> bool:
         """Whether so many were dropped that further rounds are due."""
@@ -140,21 +143,31 @@ class Turns:
 @dataclass(frozen=True, slots=True)
 class Sample:
     seconds: float
-    beside: float
-    """seconds of the slower of the copies before and after it"""
+    before: float
+    """seconds of the copy before it"""
+    after: float
+    """seconds of the copy after it"""
+
+    @property
+    def beside(self) -> float:
+        return max(self.before, self.after)
 
 
-def figure(samples: Sequence[Sample], limit: float) -> Figure:
-    """Of the samples that stand beside copies within `limit`.
+def figure(samples: Sequence[Sample], limit: float, best: float) -> Figure:
+    """Of the samples that stand beside copies within `limit`; `best` is what the quickest copy took.
 
-    >>> figure([Sample(1.0, 0.1), Sample(2.0, 0.1), Sample(3.0, 0.1), Sample(9.0, 0.5)], 0.2).median
-    2.0
+    >>> samples = [Sample(1.0, 0.1, 0.1), Sample(2.0, 0.1, 0.1), Sample(3.0, 0.1, 0.1), Sample(9.0, 0.1, 0.5)]
+    >>> found = figure(samples, 0.2, 0.05)
+    >>> found.median, found.dropped, found.pace
+    (2.0, 1, 2.0)
     """
-    good = [each.seconds for each in samples if each.beside <= limit]
+    good = [each for each in samples if each.beside <= limit]
     steady = len(good) >= LEAST
-    taken = good if steady else [each.seconds for each in samples]
+    kept = good if steady else samples
+    taken = [each.seconds for each in kept]
     low, middle, high = (float(np.quantile(taken, share)) for share in (0.25, 0.5, 0.75))
-    return Figure(middle, low, high, len(taken), len(samples) - len(good), steady)
+    pace = statistics.median((each.before + each.after) / 2 for each in kept) / best
+    return Figure(middle, low, high, len(taken), len(samples) - len(good), steady, pace)
 
 
 # ------------------------------------------------------------------------------------------------------------- limits

@@ -101,7 +101,8 @@ def _comparison(document: Document, section: Mapping[str, Any], draw: Draw) -> I
         threads, able = run["threads"], run["limits"]
         yield f"## {threads} thread{'s' if threads > 1 else ''}\n"
         peak = f", multiply-adds {able['peak'] / 1e9:.0f} GFLOP/s" if able["peak"] else ""
-        yield f"Copies move {able['bandwidth'] / 1e9:.1f} GB/s{peak}.\n"
+        best = f"Copies move {able['bandwidth'] / 1e9:.1f} GB/s{peak} at best"
+        yield f"{best}; the roofline is what copies beside a run had of it.\n"
         if _paired(run["rows"]):
             yield (
                 draw(f"{threads}", plots.ahead(f"{document['title']} beside other libraries", run["rows"], threads))

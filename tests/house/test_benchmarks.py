@@ -114,12 +114,13 @@ def documents(sections: ModuleType) -> Iterator[dict[str, Any]]:
 def test_slow_phases_are_dropped_and_counted(suite: ModuleType) -> None:
     measuring = importlib.import_module("measuring")
     samples = [
-        measuring.Sample(1.0, 0.1),
-        measuring.Sample(2.0, 0.1),
-        measuring.Sample(3.0, 0.12),
-        measuring.Sample(9.0, 0.3),
+        measuring.Sample(1.0, 0.1, 0.1),
+        measuring.Sample(2.0, 0.1, 0.1),
+        measuring.Sample(3.0, 0.12, 0.1),
+        measuring.Sample(9.0, 0.1, 0.3),
     ]
-    found = measuring.figure(samples, 0.13)
+    found = measuring.figure(samples, 0.13, 0.05)
     assert (found.median, found.kept, found.dropped, found.steady) == (2.0, 3, 1, True)
-    assert not measuring.figure(samples[2:], 0.13).steady
+    assert found.pace == pytest.approx(2)
+    assert not measuring.figure(samples[2:], 0.13, 0.05).steady
     assert measuring.growth([(1, 9.0), (10, 10.0), (100, 100.0)], 10).exponent == pytest.approx(1)

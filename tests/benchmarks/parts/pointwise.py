@@ -2,7 +2,8 @@
 
 A pointwise operation reads its pictures and writes one, so it can be no faster than a copy of as many bytes. Each runs
 by its default method, with its first example, on pictures of straight numbers; `kernels` are what the device alone
-takes of it, where there are any. What stands far below a copy is bound by arithmetic or by gathers, as its kernel says.
+takes of it, where there are any. Copies stand between the runs, and shares are of what those had. What stands far below
+a copy is bound by arithmetic or by gathers, as its kernel says.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ def sections(tell: Callable[[str], None]) -> list[Section]:
             tell(f"{operation.name}: {found[5]}")
     rows.sort(key=lambda each: float(each[5].rstrip("%")))
     columns = ["operation", "with", "by", "ms", "kernels, ms", "of a copy", "kernels, of a copy"]
-    text = f"{side} x {side} pixels; copies move {able.bandwidth / 1e9:.1f} GB/s. The slowest first."
+    text = f"{side} x {side} pixels; copies move {able.bandwidth / 1e9:.1f} GB/s at best. The slowest first."
     return [table(f"Pointwise operations on {len(available())} threads", columns, rows, text)]
 
 
@@ -53,7 +54,8 @@ def row(operation: Operation[Any], side: int, able: Limits, turns: Turns) -> lis
     if run is None or result is None:
         return None
     moved = sum(each.pixels.nbytes for each in images.values()) + result.image.pixels.nbytes
-    least, took, kernels = able.seconds(moved), turns({"run": run})["run"].median, kernel_seconds(run)
+    found, kernels = turns({"run": run})["run"], kernel_seconds(run)
+    least, took = able.seconds(moved) * found.pace, found.median
     said = ", ".join(f"{name}={brief(value)}" for name, value in values.items())
     alone = [f"{kernels * 1e3:.2f}", f"{least / kernels:.0%}"] if kernels else ["", ""]
     return [operation.name, said, result.method, f"{took * 1e3:.2f}", alone[0], f"{least / took:.0%}", alone[1]]
