@@ -9,11 +9,16 @@ from __future__ import annotations
 import math
 import os
 import platform
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TypeVar
 
 LIMIT = "LICHEN_PROCESSORS"
 """Environment variable: how many of them this process may use, set where several processes share them."""
 _CGROUPS = Path("/sys/fs/cgroup")
+_In = TypeVar("_In")
+_Out = TypeVar("_Out")
 
 
 def processors() -> int:
@@ -27,6 +32,15 @@ def threads() -> int:
     """Threads that kernels and codecs of this process run on: one for each processor that is left to it."""
     said = os.environ.get(LIMIT, "")
     return min(processors(), max(int(said), 1)) if said.isdigit() else processors()
+
+
+def each(function: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:
+    """`[function(item) for item in items]` on all its processors; functions release the interpreter while they work."""
+    todo = list(items)
+    if len(todo) < 2 or threads() < 2:
+        return [function(item) for item in todo]
+    with ThreadPoolExecutor(min(threads(), len(todo))) as pool:
+        return list(pool.map(function, todo))
 
 
 def cgroup_quota(root: Path = _CGROUPS, membership: Path = Path("/proc/self/cgroup")) -> float | None:

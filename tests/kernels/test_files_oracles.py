@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import OpenEXR
 import pytest
+import simplejpeg
 import tifffile
 from PIL import Image as Pictures
 from PIL import ImageOps
@@ -85,6 +86,22 @@ def test_pillow_reads_our_webp_and_jpeg() -> None:
         read = np.asarray(Pictures.open(io.BytesIO(data))).reshape(HEIGHT, WIDTH, channels)
         # the samples of two decoders may differ in the rounding of the inverse transform
         assert np.abs(read.astype(int) - coded(files.decode(data))).max() <= 1
+
+
+@pytest.mark.parametrize(
+    ("shape", "quality"), [((2500, 50, 3), 90), ((600, 61, 3), 75), ((257, 40, 1), 90), ((70, 65_500, 1), 50)]
+)
+def test_a_jpeg_of_bands_holds_what_one_in_one_piece_does(shape: tuple[int, int, int], quality: int) -> None:
+    """More bands than there are restart markers; both samplings; a row too many; blocks too many for one interval."""
+    samples = np.random.default_rng(1).integers(0, 256, shape, np.uint8)
+    kind, sampling = ("RGB", "444" if quality >= 90 else "420") if shape[2] == 3 else ("GRAY", "Gray")
+    whole = np.frombuffer(simplejpeg.encode_jpeg(samples, quality, kind, sampling), np.uint8)
+    data = files.encode(image_of(samples, Space.SRGB), "jpeg", quality=quality).data
+    assert b"\xff\xdd" in bytes(data[:1000])
+    banded = np.frombuffer(data, np.uint8)
+    np.testing.assert_array_equal(cv2.imdecode(banded, -1), cv2.imdecode(whole, -1))
+    np.testing.assert_array_equal(Pictures.open(io.BytesIO(data)), Pictures.open(io.BytesIO(whole.tobytes())))
+    assert files.decode(data).pixels.shape == shape
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float16, np.float32, np.float64])

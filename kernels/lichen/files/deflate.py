@@ -7,31 +7,17 @@ their own, whatever the number of threads, so the same image gives the same byte
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar, cast
+from typing import cast
 
 from isal import isal_zlib
 
 from lichen.errors import TooLarge, UnreadableImage
-from lichen.processors import threads
 
 LEVEL = 1
 _Failure = cast(type[Exception], isal_zlib.error)  # the stub declares an instance
-_In = TypeVar("_In")
-_Out = TypeVar("_Out")
 
 checksum = isal_zlib.crc32
 adler = isal_zlib.adler32
-
-
-def each(function: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:
-    """`[function(item) for item in items]` on all its processors; functions release the interpreter while they work."""
-    todo = list(items)
-    if len(todo) < 2 or threads() < 2:
-        return [function(item) for item in todo]
-    with ThreadPoolExecutor(min(threads(), len(todo))) as pool:
-        return list(pool.map(function, todo))
 
 
 def band(data: bytes | memoryview, *, last: bool) -> bytes:

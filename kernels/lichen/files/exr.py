@@ -28,6 +28,7 @@ from lichen.files import deflate, memory_file
 from lichen.files.format import MOST_PAGES, MOST_PARTS, Format, Header, few, take, unpack
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array
+from lichen.processors import each
 
 SIGNATURE = b"\x76\x2f\x31\x01"
 _LONG_NAMES, _DEEP, _MULTIPART = 0x400, 0x800, 0x1000
@@ -223,7 +224,7 @@ def write(samples: Array, image: Image, quality: int | None) -> bytes:
         body = packed if len(packed) < plain.size else plain.tobytes()
         return struct.pack("<ii", start, len(body)) + body
 
-    blocks = deflate.each(pack, starts)
+    blocks = each(pack, starts)
     lengths = np.array([len(block) for block in blocks], np.uint64)
     first = len(header) + 8 * len(blocks)
     offsets = np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype("<u8") + np.uint64(first)

@@ -8,7 +8,11 @@ hierarchical and arithmetic-coded files.
 An opaque alpha channel is dropped in writing; any other is refused, since only a composition over a background
 that the caller chooses would give the picture he expects. From quality 90 on, colour is stored at full resolution.
 
-Sources: ITU-T T.81, annex B; ICC.1:2022, annex B.4; EXIF 2.32.
+Large pictures are written in bands, on all processors at once: each is coded as a picture of its own with the same
+tables, and restart markers join them, at which a decoder begins anew. It finds the same samples as in one piece. Bands
+have a size of their own, whatever the number of threads, so the same image gives the same bytes on every machine.
+
+Sources: ITU-T T.81, annexes B and E.1.4; ICC.1:2022, annex B.4; EXIF 2.32.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ from lichen.files import icc, ifd
 from lichen.files.format import Allocate, Format, Header, few, take, unpack
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array
+from lichen.processors import each
 
 QUALITY = 90
 _ICC = b"ICC_PROFILE\0"
@@ -33,6 +38,10 @@ _SEGMENT = 65_519
 """Bytes of profile that fit one segment beside its name and numbers."""
 _FRAMES = {0xC0, 0xC1, 0xC2}
 _OTHER_FRAMES = {0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF}
+_BAND = 256
+"""Rows of a band: a multiple of what a block of any sampling has."""
+_INTERVAL = 0xFFFF
+"""Blocks between restarts at most."""
 _SCANS = 200
 """More scans than this make a small file slow on purpose."""
 _AFTER_SCAN = re.compile(rb"\xff+[^\x00\xff\xd0-\xd7]", re.DOTALL)
@@ -122,7 +131,7 @@ def write(samples: Array, image: Image, quality: int | None) -> bytes:
     if image.alpha is not Alpha.NONE:
         samples = np.ascontiguousarray(samples[:, :, :-1])
     kind = "GRAY" if samples.shape[2] == 1 else "RGB"
-    plain: bytes = simplejpeg.encode_jpeg(samples, max(quality, 1), kind, "444" if quality >= 90 else "420")
+    plain = _encoded(samples, max(quality, 1), kind, "444" if quality >= 90 else "420")
     profile = icc.to_write(image, Space.SRGB, image.colours)
     if not profile:
         return plain
@@ -133,6 +142,37 @@ def write(samples: Array, image: Image, quality: int | None) -> bytes:
         for number, piece in enumerate(pieces, 1)
     ]
     return b"".join([plain[:first], *segments, plain[first:]])
+
+
+def _encoded(samples: Array, quality: int, kind: str, sampling: str) -> bytes:
+    """A whole file, of bands that restart markers join."""
+    rows, columns, channels = samples.shape
+    unit = 16 if channels == 3 and sampling == "420" else 8
+    across = -(-columns // unit)
+    deep = min(_BAND, _INTERVAL // across * unit)
+    coded = each(
+        lambda top: simplejpeg.encode_jpeg(samples[top : top + deep], quality, kind, sampling), range(0, rows, deep)
+    )
+    whole: bytes = coded[0]
+    if len(coded) == 1:
+        return whole
+    frame, scan, _ = _places(whole)
+    height, interval = struct.pack(">H", rows), struct.pack(">HHH", 0xFFDD, 4, deep // unit * across)
+    joined = [whole[: frame + 5], height, whole[frame + 7 : scan], interval, whole[scan:-2]]
+    for number, band in enumerate(coded[1:]):
+        joined += [bytes([0xFF, 0xD0 + number % 8]), band[_places(band)[2] : -2]]
+    return b"".join([*joined, whole[-2:]])
+
+
+def _places(coded: bytes) -> tuple[int, int, int]:
+    """Where the frame's header, the scan's header, and the scan's data begin in a file of one scan that was written
+    here."""
+    at = frame = 2
+    while coded[at + 1] != 0xDA:
+        if coded[at + 1] in _FRAMES:
+            frame = at
+        at += 2 + struct.unpack_from(">H", coded, at + 2)[0]
+    return frame, at, at + 2 + struct.unpack_from(">H", coded, at + 2)[0]
 
 
 def _unfit(image: Image) -> str | None:

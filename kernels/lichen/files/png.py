@@ -24,6 +24,7 @@ from lichen.files import deflate, icc, ifd, memory_file
 from lichen.files.format import Format, Header, few, picture_channels, take, unpack
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.memory import Array
+from lichen.processors import each
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
@@ -149,7 +150,7 @@ def write(samples: Array, image: Image, quality: int | None) -> bytes:
 
     sum_so_far, bands = 1, []
     for group in range(0, len(starts), 64):  # so that no more than a few filtered bands are held
-        for packed, filtered in deflate.each(pack, starts[group : group + 64]):
+        for packed, filtered in each(pack, starts[group : group + 64]):
             sum_so_far = deflate.adler(filtered, sum_so_far)
             bands.append(packed)
     bands[0] = b"\x78\x01" + bands[0]
