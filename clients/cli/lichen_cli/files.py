@@ -64,8 +64,9 @@ def format_of(path: str) -> str:
 
 def decoded(data: Mapping[str, bytes], select: str) -> dict[str, Image]:
     """The images of files by their names, and of those of data what is selected."""
+    from lichen.coding import decode
     from lichen.errors import Flaw, InvalidRequest
-    from lichen.files import decode, recognise, selection
+    from lichen.files import recognise, selection
 
     if select and not any(recognise(each).selects for each in data.values()):
         raise InvalidRequest("There is nothing to select from.", [Flaw("/query/select", "no input is a file of data")])

@@ -30,8 +30,8 @@ input or output."""
 
 def main(arguments: Sequence[str]) -> int:
     import lichen
+    from lichen.coding import encode
     from lichen.errors import Flaw, InvalidRequest
-    from lichen.files import encode
     from lichen.planning.pipeline import nodes_of, read
     from lichen_cli import remote
     from lichen_cli.options import joined

@@ -55,8 +55,8 @@ def main(arguments: Sequence[str]) -> int:
 
 def _run(operation: Operation[Any], given: Given) -> int:
     import lichen
+    from lichen.coding import encode
     from lichen.errors import Flaw, InvalidRequest
-    from lichen.files import encode
     from lichen.operation import Facts
     from lichen_service import queries
     from lichen_service.formats import NOWHERE, Origin, agree

@@ -17,7 +17,7 @@ The rules every format keeps:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import PurePath
 
 from lichen.errors import UnreadableImage, UnsupportedFormat, nearest
@@ -55,6 +55,10 @@ FORMATS: Mapping[str, Format] = {format.name: format for format in (png, jpeg, w
 """What is read and written, by name."""
 READABLE: Mapping[str, Format] = {**FORMATS, **{format.name: format for format in (netcdf, vti)}}
 """What is read, by name."""
+Widen = Callable[[Array], Array]
+"""Stored samples to floats, as `to_floats` does it."""
+Quantise = Callable[[Array, Storage], tuple[Array, int, int]]
+"""Floats to stored samples, as `to_storage` does it."""
 _ANYTHING = ("application/octet-stream", "binary/octet-stream", "image/*", "*/*", "")
 
 
@@ -69,7 +73,14 @@ def probe(data: Data, *, media_type: str | None = None, select: str = "") -> Hea
     return format.header(memoryview(data).cast("B"), select)
 
 
-def decode(data: Data, *, limits: Limits | None = None, media_type: str | None = None, select: str = "") -> Image:
+def decode(
+    data: Data,
+    *,
+    limits: Limits | None = None,
+    media_type: str | None = None,
+    select: str = "",
+    widen: Widen = to_floats,
+) -> Image:
     """The first picture of an encoded image, upright, float32 (float64 where doubles were stored); of a file of data
     what `select` says (`lichen.files.selection`).
 
@@ -79,21 +90,28 @@ def decode(data: Data, *, limits: Limits | None = None, media_type: str | None =
     format = recognise(view, media_type=media_type)
     header = format.header(view, select)
     header.check(limits or Limits())
-    return assembled(header, format.samples(view, header))
+    return assembled(header, format.samples(view, header), widen)
 
 
-def assembled(header: Header, samples: Array) -> Image:
+def assembled(header: Header, samples: Array, widen: Widen = to_floats) -> Image:
     """The image that a header describes, of samples as they are stored. Raises `UnreadableImage` where they differ."""
     if samples.shape != header.stored_shape:
         raise UnreadableImage(f"The {header.format} header claims {header.stored_shape}, the data {samples.shape}.")
-    pixels = to_floats(upright(samples, header.orientation))
+    pixels = widen(upright(samples, header.orientation))
     image = Image(pixels, header.space, header.alpha, header.storage, header.metadata)
     if (extent := extent_of(samples)) is not None:
         vars(image)["extent"] = extent  # measured where there are fewer bytes
     return image
 
 
-def encode(image: Image, format: str, *, storage: Storage | None = None, quality: int | None = None) -> Encoded:
+def encode(
+    image: Image,
+    format: str,
+    *,
+    storage: Storage | None = None,
+    quality: int | None = None,
+    quantise: Quantise = to_storage,
+) -> Encoded:
     """The bytes of a file, its media type, and how many samples its storage could not hold.
 
     `format` is a name in `FORMATS`. `storage` None means the image's own where the format has it, else the nearest
@@ -108,7 +126,7 @@ def encode(image: Image, format: str, *, storage: Storage | None = None, quality
     target = FORMATS[format]
     storage = storage or target.storage_for(image.storage)
     target.check(image, storage, quality)
-    samples, clipped, nonfinite = to_storage(image.pixels, storage)
+    samples, clipped, nonfinite = quantise(image.pixels, storage)
     return Encoded(target.write(samples, image, quality), target.media_type, clipped, nonfinite)
 
 

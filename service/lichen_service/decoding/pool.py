@@ -26,8 +26,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from lichen.coding import assembled, decode
 from lichen.errors import UnreadableImage, UnsupportedFormat
-from lichen.files import Data, Limits, assembled, decode, encode, recognise
+from lichen.files import Data, Limits, encode, recognise
 from lichen.image import Image, Space
 from lichen.memory import Array, aligned_empty
 from lichen_service.decoding import messages, processes

@@ -17,9 +17,10 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from lichen import engine
+from lichen.coding import encode
 from lichen.engine import Prepared, Result
 from lichen.errors import Flaw, InvalidRequest, nearest
-from lichen.files import FORMATS, encode, probe
+from lichen.files import FORMATS, probe
 from lichen.image import Alpha, Image, Space, Storage
 from lichen.operation import Facts
 from lichen.order import read_pipeline_order

@@ -20,9 +20,10 @@ from enum import StrEnum
 from typing import Any, TypeVar
 
 from lichen import catalogue, engine
+from lichen.coding import encode
 from lichen.engine import Result
 from lichen.errors import Flaw, InvalidRequest, LichenError
-from lichen.files import FORMATS, Encoded, Limits, encode, probe, recognise, selection
+from lichen.files import FORMATS, Encoded, Limits, probe, recognise, selection
 from lichen.image import Image
 from lichen.operation import Facts, Operation
 from lichen.order import Nonfinite, read_order

@@ -1,0 +1,50 @@
+"""Samples of files to floats and back, on a device that works in the host's memory: see `lichen.files.samples`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lichen.memory import Array, aligned_empty
+from lichen.opencl.device import Device
+
+WORTH = 1 << 20
+"""Samples; below it a launch, and the program that it needs, cost as much as they save."""
+_BLOCK = 1 << 14
+"""Samples of a work-item."""
+_SOURCE = "samples.cl"
+_CODES = {np.dtype(np.uint8): "uchar", np.dtype(np.uint16): "ushort"}
+
+
+def codes(kind: np.dtype[Any]) -> bool:
+    """Whether these are samples of files."""
+    return kind in _CODES
+
+
+def widened(device: Device, samples: Array) -> Array:
+    """Stored samples, uint8 or uint16, as float32 in [0, 1]: `to_floats`."""
+    pixels = aligned_empty(samples.shape)
+    with device.session() as session:
+        session.launch(
+            _SOURCE, "widen", (-(-samples.size // _BLOCK),), samples, session.write(pixels), np.uint64(samples.size),
+            np.int32(_BLOCK), local=(1,), defines=_defines(samples.dtype),
+        )  # fmt: skip
+    return pixels
+
+
+def quantised(device: Device, pixels: Array, kind: np.dtype[Any]) -> tuple[Array, int, int]:
+    """float32 of any shape as samples of a kind, how many were clipped, and how many were not finite: `to_storage`."""
+    samples, blocks = aligned_empty(pixels.shape, kind), -(-pixels.size // _BLOCK)
+    moved = np.zeros((blocks, 2), np.int32)
+    with device.session() as session:
+        session.launch(
+            _SOURCE, "quantise", (blocks,), pixels, session.write(samples), session.write(moved),
+            np.uint64(pixels.size), np.int32(_BLOCK), local=(1,), defines=_defines(kind),
+        )  # fmt: skip
+    clipped, nonfinite = moved.sum(axis=0, dtype=np.int64).tolist()
+    return samples, clipped, nonfinite
+
+
+def _defines(kind: np.dtype[Any]) -> dict[str, int | float | str]:
+    return {"CODE": _CODES[kind], "LEVELS": float(np.iinfo(kind).max)}
