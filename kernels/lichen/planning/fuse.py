@@ -4,6 +4,10 @@ A link of a chain is a node whose method says what it is as a stage (`Method.sta
 whose picture keeps its size and channels. Stages do the arithmetic of their methods, so fusing changes no bit, and all
 that is predicted of the nodes stays true. The kernel's text follows from the stages' headers and definitions; their
 numbers are its argument, so that pipelines of one shape share a program.
+
+What reads its neighbours stands before a chain, not at its head: warps whose kernels went on with the stages in the
+pixels that they had just written took 1.00 to 1.09 times as long as warp and chain apart, on 2048 x 2048 pixels with
+the encoding of sRGB behind. What the pixels' way to memory and back costs, less room in registers costs again.
 """
 
 from __future__ import annotations
