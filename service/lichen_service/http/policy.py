@@ -9,11 +9,14 @@ Rules
 - No I/O. `HeadScanner` looks at each line once, as soon as it is complete, so a verdict does not depend on how the
   bytes were cut into segments and a hopeless head is refused before its end has come.
 - Whatever frames the message (Content-Length, Transfer-Encoding) or routes it (Host, target) has exactly one reading.
+- A target in absolute form is read as its path and query; its authority stands in place of what Host says, which must
+  be sound nevertheless (RFC 9112 section 3.2.2).
 - A refusal is a value, carries its status, and always ends the connection.
 - Nearly all heads are of one plain kind, which one regular expression decides (`usual_head`). It may only pass: what it
   does not pass is judged line by line, and what it passes would have been passed there, with the same reading.
 
-Sources: RFC 9110, RFC 9112 (sections 2.2, 3, 5, 6, 7.1), RFC 3986 section 3.2.2 for Host.
+Sources: RFC 9110 (section 4.2: no http address has a user, or no host), RFC 9112 (sections 2.2, 3, 5, 6, 7.1), RFC 3986
+section 3.2.2 for Host.
 """
 
 from __future__ import annotations
@@ -58,7 +61,9 @@ _VERSION = re.compile(rb"HTTP/[0-9]\.[0-9]")
 _LENGTH = re.compile(rb"0|[1-9][0-9]{0,17}")
 _HOST = re.compile(rb"(?:[-A-Za-z0-9._~!$&'()*+,;=%]+|\[[0-9A-Fa-f:.]+\])(?::[0-9]{0,5})?")
 _TARGET = re.compile(rb"/[\x21-\x22\x24-\x7e]*")
-# Without the rarer things that are allowed: HTTP/1.0, OPTIONS *, bytes beyond ASCII, an empty line before.
+_ABSOLUTE = re.compile(rb"https?://([^/?#]*)([/?][\x21-\x22\x24-\x7e]*)?", re.IGNORECASE)
+# Without the rarer things that are allowed: HTTP/1.0, OPTIONS *, a target in absolute form, bytes beyond ASCII, an empty
+# line before.
 _USUAL = re.compile(
     rb"(GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|QUERY) (/[\x21-\x22\x24-\x7e]*+) HTTP/1\.1\r\n"
     rb"((?>[-!#$%&'*+.^_`|~0-9A-Za-z]++:[\t\x20-\x7e]*+\r\n)++)\r\n"
@@ -81,7 +86,7 @@ class Refusal:
 
 
 class RawHead(NamedTuple):
-    """A head with one reading. `target` is in origin form, or `*`."""
+    """A head with one reading. `target` is in origin form, or `*`, however it came."""
 
     method: str
     target: str
@@ -89,7 +94,7 @@ class RawHead(NamedTuple):
     fields: tuple[tuple[str, str], ...]
     """lower-case names in the order given"""
     headers: Mapping[str, str]
-    """the same by name, those that are repeated joined"""
+    """the same by name, those that are repeated joined; the host is that of the target, where it names one"""
     keep_alive: bool
     expects_continue: bool
 
@@ -256,10 +261,12 @@ def _usual_block(block: bytes) -> _Block | None:
 
 def _read_head(raw: bytes) -> RawHead:
     request_line, *lines = raw.lstrip(b"\r\n").removesuffix(b"\r\n\r\n").split(b"\r\n")
-    method, target, version = _request_line(request_line)
+    method, given, version = _request_line(request_line)
+    target, host = _origin(method, given)
     expects = _judged(version, [_field(line) for line in lines])
     block = _block(version, expects, _by_grammar(raw.lstrip(b"\r\n")).headers)
-    return RawHead(method, target, version, block.fields, block.headers, block.keep_alive, block.expects)
+    headers = block.headers if host is None else MappingProxyType({**block.headers, "host": host})
+    return RawHead(method, target, version, block.fields, headers, block.keep_alive, block.expects)
 
 
 def _judged(version: str, fields: Sequence[Field]) -> bool:
@@ -287,7 +294,7 @@ def joined(fields: Iterable[tuple[str, str]]) -> Mapping[str, str]:
     return MappingProxyType(headers)
 
 
-def _request_line(line: bytes) -> tuple[str, str, str]:
+def _request_line(line: bytes) -> tuple[str, bytes, str]:
     parts = line.split(b" ")
     if len(parts) != 3 or not _TOKEN.fullmatch(parts[0]):
         raise _Refused(400, "the request line is not METHOD target HTTP/1.1 with single spaces between")
@@ -298,9 +305,26 @@ def _request_line(line: bytes) -> tuple[str, str, str]:
     method = parts[0].decode("ascii")
     if method not in METHODS:
         raise _Refused(501, f"no route knows the method; known: {', '.join(METHODS)}", "method-not-implemented")
-    if not _TARGET.fullmatch(parts[1]) and (method, parts[1]) != ("OPTIONS", b"*"):
-        raise _Refused(400, "the target must be a path beginning with a slash, of visible ASCII and without a fragment")
-    return method, parts[1].decode("ascii"), parts[2][-3:].decode("ascii")
+    return method, parts[1], parts[2][-3:].decode("ascii")
+
+
+def _origin(method: str, given: bytes) -> tuple[str, str | None]:
+    """A target in origin form, or `*`, and the host that it names in absolute form."""
+    if _TARGET.fullmatch(given) or (method, given) == ("OPTIONS", b"*"):
+        return given.decode("ascii"), None
+    absolute = _ABSOLUTE.fullmatch(given)
+    if absolute is None:
+        raise _Refused(
+            400,
+            "the target must be a path beginning with a slash, or an address of http or https, of visible ASCII and "
+            "without a fragment",
+        )
+    if not _HOST.fullmatch(absolute[1]):
+        raise _Refused(400, "the target's authority is not a host name or address with an optional port")
+    rest = (absolute[2] or b"").decode("ascii")
+    if not rest and method == "OPTIONS":
+        return "*", absolute[1].decode("ascii")  # RFC 9112 section 3.2.4
+    return rest if rest.startswith("/") else f"/{rest}", absolute[1].decode("ascii")
 
 
 def _field(line: bytes) -> Field:

@@ -120,6 +120,16 @@ def test_options_asterisk_is_answered_by_the_wire(server: Running) -> None:
         assert client.reply().status == 200
 
 
+def test_a_target_in_absolute_form_is_served_like_its_path(server: Running) -> None:
+    with server.connect() as client:
+        client.send(get("http://b.example/a%20b?c=d") * 2 + get("/a%20b?c=d"))
+        replies = [client.reply() for _ in range(3)]
+    assert [reply.status for reply in replies] == [200] * 3
+    assert replies[0].body == replies[1].body == replies[2].body
+    assert server.toy.heads[-2].headers["host"] == "b.example"
+    assert server.toy.heads[-1].headers["host"] == "a"
+
+
 # Persistence
 
 

@@ -19,9 +19,22 @@ VALID = [
     b"POST /v1/operations/x?a=5 HTTP/1.1\r\nhost: [::1]:80\r\nContent-Length: 0\r\nExpect: 100-Continue\r\n\r\n",
     b"QUERY /x?m=[[1,0],[0,1]] HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: Chunked\r\nConnection: Foo, Close\r\n\r\n",
     b"OPTIONS * HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
+    b"GET http://a.example:8080/b?c=d HTTP/1.1\r\nHost: b\r\n\r\n",
+    b"HEAD HTTPS://[::1]?c=d HTTP/1.1\r\nHost: b\r\n\r\n",
     b"GET / HTTP/1.0\r\n\r\n",
     b"GET / HTTP/1.1\r\nHost: a\r\nX-Latin: gr\xfc\xdfe\r\n\r\n",
 ]
+
+
+def in_origin_form(method: str, target: str) -> str:
+    """A target as it has to be read, by a road of its own."""
+    _, absolute, rest = target.partition("://")
+    if target.startswith("/") or not absolute:
+        return target
+    if not set(rest) & set("/?"):
+        return "*" if method == "OPTIONS" else "/"
+    begins = min(rest.index(each) for each in "/?" if each in rest)
+    return rest[begins:] if rest[begins] == "/" else f"/{rest[begins:]}"
 
 
 def judge(pieces: list[bytes]) -> tuple[int, RawHead] | Refusal | None:
@@ -104,6 +117,27 @@ def test_what_is_read() -> None:
 
 
 @pytest.mark.parametrize(
+    ("given", "target", "host"),
+    [
+        ("GET /a", "/a", "b"),
+        ("GET http://a.example/b%20c?d=http://e/", "/b%20c?d=http://e/", "a.example"),
+        ("GET HTTP://a:80", "/", "a:80"),
+        ("GET https://[::1]:8080?c=d", "/?c=d", "[::1]:8080"),
+        ("GET http://a//b/../c", "//b/../c", "a"),
+        ("GET http://a?/b", "/?/b", "a"),
+        ("OPTIONS http://a", "*", "a"),
+        ("OPTIONS http://a/", "/", "a"),
+        ("OPTIONS *", "*", "b"),
+    ],
+)
+def test_an_absolute_target_is_its_path_at_its_own_host(given: str, target: str, host: str) -> None:
+    head = policy.read_head(f"{given} HTTP/1.1\r\nHost: b\r\n\r\n".encode())
+    assert isinstance(head, RawHead)
+    assert (head.target, head.headers["host"]) == (target, host)
+    assert head.fields == (("host", "b"),)
+
+
+@pytest.mark.parametrize(
     ("fields", "version", "keep_alive", "expects"),
     [
         ("", "1.1", True, False),
@@ -152,7 +186,8 @@ def test_mangled_heads_are_read_or_refused_and_never_split_apart(data: bytes, ed
     if isinstance(verdict, tuple):
         end, head = verdict
         lines = mangled[:end].decode("latin-1").strip("\r\n").split("\r\n")
-        assert lines[0] == f"{head.method} {head.target} HTTP/{head.version}"
+        method, target, version = lines[0].split(" ")
+        assert (method, in_origin_form(method, target), version) == (head.method, head.target, f"HTTP/{head.version}")
         named = [line.lower().partition(":") for line in lines[1:]]
         assert [(name, value.strip(" \t")) for name, _, value in named] == [
             (name, value.lower()) for name, value in head.fields
