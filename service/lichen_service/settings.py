@@ -67,6 +67,9 @@ class Settings:
         30.0, "seconds in which a process must show that it lives, else another takes its place; 0: for ever", 0, 86400
     )
     worker_memory: int = _setting(0, "bytes a process may hold before another takes its place; 0: any", 0, None)
+    worker_requests: int = _setting(
+        0, "requests, give or take a tenth, after which another process takes one's place; 0: any number", 0, None
+    )
     threads: int = _setting(4, "requests one process computes at a time", 1, 256)
     queue: int = _setting(
         64, "requests one process keeps waiting; more are refused with 503", 0, 65536, limit="waiting_requests"

@@ -64,7 +64,8 @@ def _busy(detail: str, retry_after: int) -> tuple[list[bytes], dict[str, str]]:
 class Loop:
     """Serves `application` on a listening socket, which it closes in the end.
 
-    `in_flight` requests are queued or computed now; `held` and `memory` are bytes of request bodies, now and at most.
+    `in_flight` requests are queued or computed now, `answers` have left or never will; `held` and `memory` are bytes of
+    request bodies, now and at most.
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class Loop:
         self._application = application
         self._pool = Pool(settings.threads)
         self.in_flight = 0
+        self.answers = 0
         self._counting = threading.Lock()
         self._connections: set[Connection | Streaming] = set()
         self._listener = listener
@@ -130,6 +132,7 @@ class Loop:
 
     def answered(self, exchange: Exchange | Prompted) -> None:
         """An answer has left, or never will: its line is written soon, with those of others."""
+        self.answers += 1
         self.log.answered(exchange)
         if self._logging.at == math.inf:
             self._logging.set(exchange.ended + (LOGGED_WHILE_FULL if self._full else LOGGED_WITHIN))

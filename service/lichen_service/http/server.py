@@ -10,7 +10,8 @@ Rules
 - Loading libraries is most of what a start takes. So one spare worker has done that before it is needed, and waits; it
   is started when all others serve and have had a moment for their first requests.
 - A worker shows at each beat that its loop goes round. One that is silent for too long can only be killed. One that
-  holds too much memory is renewed: it ends in order once another serves in its place.
+  holds too much memory, or says that it has answered enough, is renewed: it ends in order once another serves in its
+  place; one at a time.
 - First SIGTERM or SIGINT: workers stop accepting and answer what they have, up to `grace` seconds; exit status 0. A
   second one, or the end of the grace, kills them; exit status 1.
 - As process 1 it also reaps the orphans that the system hands it.
@@ -50,7 +51,9 @@ SPARE_AFTER = 3.0
 BEATS = 5
 """signs of life within the time that a worker may be silent"""
 LOOK_EVERY = 5.0
-"""seconds between looks at the memory of workers where nobody listens for beats"""
+"""seconds between looks at workers where none has to show that it lives"""
+ALIVE, SPENT = b"\1", b"\2"
+"""what a worker says at a beat: that its loop goes round; that it has answered what it shall, too"""
 _ENVIRONMENT = {
     "MALLOC_ARENA_MAX": "2",
     "PYTHONFAULTHANDLER": "1",
@@ -118,6 +121,11 @@ def _bind_unix(path: str) -> socket.socket:
     return listener
 
 
+def beat(settings: WireSettings) -> float:
+    """Seconds between signs of life of a worker; 0 where it need give none after the first."""
+    return settings.silence / BEATS or (LOOK_EVERY if settings.worker_requests else 0.0)
+
+
 def resident(pid: int) -> int:
     """Bytes of memory that a process holds; 0 of one that has gone."""
     try:
@@ -134,6 +142,8 @@ class _Worker:
     ready: bool = False
     silent: int = 0
     """beats that have not been heard"""
+    spent: bool = False
+    """whether it has answered what it shall"""
     renewed: bool = False
     """whether another is to take its place"""
     started: float = field(default_factory=time.monotonic)
@@ -150,7 +160,7 @@ class Supervisor:
         """when the missing workers are to be started"""
         self._spare_at = math.inf
         """when the spare one is"""
-        self._beat = settings.silence / BEATS or (LOOK_EVERY if settings.worker_memory else math.inf)
+        self._beat = beat(settings) or (LOOK_EVERY if settings.worker_memory else math.inf)
         self._look_at = time.monotonic() + self._beat
         """when workers are looked at next"""
         self._pause = FIRST_PAUSE
@@ -272,7 +282,9 @@ class Supervisor:
 
     def _hear(self, worker: _Worker) -> None:
         worker.silent = 0
-        if not os.read(worker.ready_fd, 4096):  # it has died, or will say no more
+        said = os.read(worker.ready_fd, 4096)
+        worker.spent |= SPENT in said
+        if not said:  # it has died, or will say no more
             self._hear_no_more(worker)
         elif not worker.ready:
             worker.ready = True
@@ -310,15 +322,21 @@ class Supervisor:
             if self._settings.silence and worker.silent > BEATS:
                 print(f"Lichen kills worker {pid}: silent for {self._settings.silence:g} s", file=sys.stderr)
                 os.kill(pid, signal.SIGKILL)
-        if not self._settings.worker_memory or any(each.renewed for each in serving.values()):
+        if any(each.renewed for each in serving.values()):
             return
         for pid, worker in serving.items():
-            held = resident(pid)
-            if held > self._settings.worker_memory and self._lasted(worker):
-                print(f"Lichen renews worker {pid}: it holds {held} bytes", file=sys.stderr)
+            if self._lasted(worker) and (reason := self._outworn(pid, worker)):
+                print(f"Lichen renews worker {pid}: {reason}", file=sys.stderr)
                 worker.renewed = True
                 self._starts.append(time.monotonic())
                 return
+
+    def _outworn(self, pid: int, worker: _Worker) -> str:
+        """Why another shall take its place; empty where none shall."""
+        if worker.spent:
+            return "it has answered as many requests as it shall"
+        held = resident(pid) if self._settings.worker_memory else 0
+        return f"it holds {held} bytes" if held > self._settings.worker_memory else ""
 
     def _lasted(self, worker: _Worker) -> bool:
         return time.monotonic() - worker.started > LASTING

@@ -4,7 +4,8 @@
 
 Standard input brings, pickled, the name of the application's maker and whether this worker is a spare one, which loads
 its libraries then; and the settings, at which serving begins: of a spare worker that may be much later, or never. READY
-gets one byte once requests can be answered, and one at each beat as long as the loop goes round. LIFELINE is readable
+gets one byte once requests can be answered, and one at each beat as long as the loop goes round, which also says whether
+this worker has answered as many requests as it shall. LIFELINE is readable
 only when the supervisor has died; the worker then ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to
 standard error.
 
@@ -20,8 +21,10 @@ import contextlib
 import faulthandler
 import gc
 import importlib
+import math
 import os
 import pickle
+import random
 import signal
 import socket
 import sys
@@ -32,10 +35,12 @@ from lichen_service.http.limits import WireSettings
 from lichen_service.http.loop import Loop
 from lichen_service.http.message import Application
 from lichen_service.http.reactor import READ
-from lichen_service.http.server import BEATS
+from lichen_service.http.server import ALIVE, SPENT, beat
 
 SWITCH_INTERVAL = 0.001
 """seconds; the loop thread asks for the interpreter often and briefly, and the default of 5 ms would be its latency"""
+SPREAD = (0.9, 1.1)
+"""times as many requests as a worker shall answer"""
 
 
 def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
@@ -56,7 +61,7 @@ def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
         signal.signal(signal.SIGTERM, lambda *_: loop.stop())
         loop.reactor.watch(lifeline_fd, READ, lambda _mask: _orphaned(loop, lifeline_fd))
         gc.freeze()  # what is loaded stays; to look through it again and again stops all threads each time, for 0.1 s
-        _show_life(loop, ready_fd, settings.silence / BEATS)
+        _show_life(loop, ready_fd, beat(settings), settings.worker_requests)
         drained = loop.run()
     if drained:
         atexit._run_exitfuncs()
@@ -77,19 +82,21 @@ def make(maker: str) -> Application:
     return cast("Application", getattr(importlib.import_module(module), function)())
 
 
-def _show_life(loop: Loop, ready_fd: int, every: float) -> None:
-    """Now, and every so many seconds if there are any."""
+def _show_life(loop: Loop, ready_fd: int, every: float, requests: int) -> None:
+    """Now, and every so many seconds if there are any; and, from about so many requests on, that they were answered.
+    Which number it is differs, so that those that have begun together do not end together."""
+    most = requests * random.uniform(*SPREAD) if requests else math.inf
     os.set_blocking(ready_fd, False)
     os.set_inheritable(ready_fd, False)  # its end tells that this process has ended
 
-    def beat() -> None:
+    def show() -> None:
         with contextlib.suppress(OSError):  # the supervisor has not read for long, or has gone
-            os.write(ready_fd, b"\1")
+            os.write(ready_fd, ALIVE if loop.answers < most else SPENT)
         if every:
             again.set(time.monotonic() + every)
 
-    again = loop.reactor.deadline(beat)
-    beat()
+    again = loop.reactor.deadline(show)
+    show()
     if not every:
         os.close(ready_fd)
 

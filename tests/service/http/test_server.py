@@ -245,6 +245,30 @@ def test_a_worker_that_holds_too_much_is_renewed_and_nothing_it_was_asked_is_los
     assert "lost worker" not in service.errors.read_text()
 
 
+def test_a_worker_that_has_answered_enough_is_renewed_and_nothing_it_was_asked_is_lost(
+    start: Callable[..., Service],
+) -> None:
+    service = start(silence=0.5, worker_requests=20)
+    service.listen()
+    first = service.pid()
+    with Client(service.port) as client, Client(service.port) as other:
+        for _ in range(15):
+            other.send(get())
+            assert other.reply().status == 200
+        time.sleep(0.5)
+        assert "renews" not in service.errors.read_text()
+        client.send(get("/sleep?seconds=3"))
+        for _ in range(10):
+            other.send(get())
+            assert other.reply().status == 200
+        until_said(service, f"renews worker {first}: it has answered")
+        reply = client.reply()
+    assert (reply.status, reply.headers["connection"]) == (200, "close")
+    until_gone(first)
+    assert service.pid() != first
+    assert "lost worker" not in service.errors.read_text()
+
+
 def test_workers_end_with_their_supervisor(start: Callable[..., Service]) -> None:
     service = start()
     service.listen()

@@ -28,6 +28,7 @@ class WireConfig:
     spare: str = "off"
     silence: float = 0.0
     worker_memory: int = 0
+    worker_requests: int = 0
     threads: int = 2
     queue: int = 64
     header_timeout: float = 5.0
