@@ -59,6 +59,7 @@ from lichen_service.settings import SHARED, Settings
 from lichen_service.uploads import JSON, check_type
 
 SCENES = "/v1/scenes"
+FIGURES = "/metrics"
 SMALL_BODY = 4096
 """Bytes; what a request to a path that reads no body may still send."""
 
@@ -107,12 +108,18 @@ class Service:
             Route("/v1/limits", {"GET": system.limits}),
             Route("/v1/version", {"GET": system.version}),
             Route("/openapi.json", {"GET": system.openapi}),
-            Route("/metrics", {"GET": Figures(self.metrics).text}, scope="metrics"),
+            Route(FIGURES, {"GET": Figures(self.metrics).text}, scope="metrics"),
             Route(ALIVE, {"GET": system.alive}, scope=None),
             Route(READY, {"GET": system.ready}, scope=None),
         )
-        self._table = Table(routes)
+        told = [each for each in routes if each.template in (FIGURES, ALIVE, READY)]
+        rest = [each for each in routes if each.template != FIGURES]
+        self._tables = {True: Table(told), False: Table(rest if settings.metrics else routes)}
         self._measure()
+
+    def _table(self, head: Head) -> Table:
+        """What there is at the address that a request came to."""
+        return self._tables[head.apart]
 
     def admit(self, head: Head) -> Admission | Response:
         """The word that the body may be read, or the answer without it."""
@@ -135,7 +142,7 @@ class Service:
 
     def _outgoing(self, head: Head, response: Response) -> Response:
         """The response with what does not depend on its route, and what the log shall know."""
-        if (match := self._table.match(head.path)) is not None:
+        if (match := self._table(head).match(head.path)) is not None:
             response.log["route"] = match.route.template
         return self._cors.add(head, response)
 
@@ -180,7 +187,7 @@ class Service:
 
     def _measure(self) -> None:
         """Connects what happens to the figures that tell of it."""
-        self.metrics.routes = frozenset(each.template for each in self._table.routes)
+        self.metrics.routes = frozenset(each.template for table in self._tables.values() for each in table.routes)
         self.memory.on_change = self.metrics.held
         self.decoders.on_death = self.metrics.decoders_died.inc
         self.metrics.ask(
@@ -192,12 +199,12 @@ class Service:
     def _preflight(self, head: Head) -> Response | None:
         if head.method != "OPTIONS" or not self._cors.origins:
             return None
-        return self._cors.preflight(head, self._table.find(head).route.allow)
+        return self._cors.preflight(head, self._table(head).find(head).route.allow)
 
     def _let_in(self, head: Head) -> tuple[Match, Caller]:
         """Where a request goes, and who sends it. Who may not come in does not learn what there is."""
         try:
-            match = self._table.find(head)
+            match = self._table(head).find(head)
         except Refusal:
             self._guard.admit(head, "")
             raise
@@ -211,7 +218,7 @@ class Service:
         head = request.head
         if head.method == "OPTIONS":
             return self._options(head)
-        match = self._table.find(head)
+        match = self._table(head).find(head)
         handler = match.route.handler(head.method)
         assert handler is not None, "find refuses methods without a handler"
         if self.jobs and match.route.scope == "run" and wants_a_job(request):
@@ -221,7 +228,7 @@ class Service:
 
     def _check(self, request: Request) -> None:
         """Raises all that can be seen to be wrong with a request that is to become a job."""
-        match = self._table.find(request.head)
+        match = self._table(request.head).find(request.head)
         if match.route.check is not None:
             match.route.check(request, match.name)
 
@@ -233,7 +240,7 @@ class Service:
         return (self._running.run if runs else self._described.describe)(request, name)
 
     def _options(self, head: Head) -> Response:
-        match = self._table.find(head)
+        match = self._table(head).find(head)
         headers = {"Allow": match.route.allow}
         if "QUERY" in match.route.handlers:
             headers["Accept-Query"] = ", ".join([*_readable(match.route), "multipart/form-data"])
@@ -328,11 +335,11 @@ def prepare() -> None:
     catalogue.operations()
 
 
-def create_application(begun: Sequence[Begun] = ()) -> Service:
-    """The service with the settings of the environment and these decoders; its warm-up has begun and goes on in the
-    background, and so does, after it, the calibration of a machine that has none."""
+def create_application(begun: Sequence[Begun] = (), settings: Settings | None = None) -> Service:
+    """The service with these settings (by default those of the environment) and decoders; its warm-up has begun and
+    goes on in the background, and so does, after it, the calibration of a machine that has none."""
     logs.configure()
-    settings = Settings.load()
+    settings = settings or Settings.load()
     shared = os.environ.get(SHARED)
     service = Service(settings, Path(shared) if shared else None, begun)
     service.readiness.start()

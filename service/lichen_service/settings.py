@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,10 +31,13 @@ def _setting(
     high: float | None = None,
     *,
     choices: tuple[str, ...] = (),
+    form: str = "",
     limit: str = "",
 ) -> Any:
-    """`limit` is the name under which /v1/limits publishes the setting; empty where it does not concern clients."""
-    return field(default=default, metadata={"help": help, "low": low, "high": high, "choices": choices, "limit": limit})
+    """`form` is a regular expression that a text must match. `limit` is the name under which /v1/limits publishes the
+    setting; empty where it does not concern clients."""
+    said = {"help": help, "low": low, "high": high, "choices": choices, "form": form, "limit": limit}
+    return field(default=default, metadata=said)
 
 
 def _switch(default: str, help: str) -> Any:
@@ -61,6 +65,11 @@ class Settings:
 
     host: str = _setting("127.0.0.1", "address to listen on, or unix:PATH for a socket in the file system")
     port: int = _setting(8080, "port to listen on; 0 takes a free one", 0, 65535)
+    metrics: str = _setting(
+        "",
+        "address (HOST:PORT or unix:PATH) where /metrics is answered instead; empty: where everything is",
+        form=r"unix:.+|(\[[0-9A-Fa-f:.]+\]|[^\[\]:]*):[0-9]{1,5}",
+    )
     workers: int = _setting(_workers(), "processes that answer requests", 1, 256)
     spare: str = _switch("on", "whether one more process waits, its libraries loaded, to stand in for one that dies")
     silence: float = _setting(
@@ -190,6 +199,7 @@ class Declared:
     low: float | None
     high: float | None
     choices: tuple[str, ...]
+    form: str
     limit: str
 
     @property
@@ -223,6 +233,8 @@ class Declared:
             value = None
         if value is None:
             raise ValueError(f"must be {wanted} (got {shown})")
+        if self.form and value and not re.fullmatch(self.form, value):
+            raise ValueError(f"must be as it is described (got {shown})")
         self._check_range(value, shown)
         return value
 

@@ -5,7 +5,7 @@
 Requests take the road they take from our own wire: the routes decide before a byte of the body is read, and answers are
 completed and checked alike. What WSGI does not carry is the server's to do, or is not there: deadlines on clients that
 send slowly, a bounded queue, and the news that a client has hung up. Settings are those of `lichen serve`; those of
-the wire (host, port, workers, threads, queue and timeouts of connections) mean nothing here.
+the wire (host, port, metrics, workers, threads, queue and timeouts of connections) mean nothing here.
 
 OpenCL does not survive a fork: the server must make the application in the process that serves (gunicorn does, unless
 it is told to preload).
@@ -17,6 +17,7 @@ import atexit
 import queue
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 from urllib.parse import quote
 
@@ -119,7 +120,7 @@ def create() -> Wsgi:
     settings = Settings.load()
     if settings.insecure == "off" and not settings.key_file.exists():
         raise InvalidSettings("no key is needed here: make one with 'lichen keys add', or set LICHEN_INSECURE=on")
-    application = create_application()
+    application = create_application(settings=replace(settings, metrics=""))
     atexit.register(application.end)
     return Wsgi(application, settings)
 

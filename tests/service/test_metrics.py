@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import os
 import subprocess
 import sys
@@ -10,8 +12,10 @@ from pathlib import Path
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
+from lichen_service.app import Service
+from lichen_service.http.message import Head, Request, Response
 from lichen_service.metrics import Metrics
-from lichen_service.settings import FIGURES
+from lichen_service.settings import FIGURES, Settings
 
 from .conftest import Caller, problem_of
 
@@ -129,3 +133,25 @@ def test_the_service_tells_its_figures(call: Caller, png: bytes) -> None:
     unknown = call("GET", "/nowhere")
     problem_of(unknown, 404, "not-found")
     assert "route" not in unknown.log
+
+
+def test_what_is_told_at_an_address_of_its_own_is_told_nowhere_else(settings: Settings, tmp_path: Path) -> None:
+    own = dataclasses.replace(settings, metrics="127.0.0.1:0", data=str(tmp_path), jobs="off")
+    service = Service(own)
+
+    def status(path: str, apart: bool) -> int:
+        head = Head("GET", path, (), {}, "test-request", 0.0, math.inf, apart=apart)
+        answer = service.admit(head)
+        return (answer if isinstance(answer, Response) else service.handle(Request(head, b"", answer.caller))).status
+
+    assert {path: status(path, False) for path in ("/metrics", "/livez", "/v1/limits")} == {
+        "/metrics": 404,
+        "/livez": 200,
+        "/v1/limits": 200,
+    }
+    assert {path: status(path, True) for path in ("/metrics", "/livez", "/v1/limits", "/")} == {
+        "/metrics": 200,
+        "/livez": 200,
+        "/v1/limits": 404,
+        "/": 404,
+    }

@@ -40,11 +40,25 @@ def test_the_environment_carries_every_setting_and_lets_no_file_decide(tmp_path:
 def test_every_bad_setting_is_named_at_once(tmp_path: Path) -> None:
     path = tmp_path / "service.toml"
     path.write_text("quue = 3\nmax_side = 1.5\nmax_images = true\nworkers = 0\n")
-    environ = {"LICHEN_PORT": "99999", "LICHEN_THREADS": "many", "LICHEN_GRACE": "nan", "LICHEN_REQUEST_TIMEOUT": "inf"}
+    environ = {
+        "LICHEN_PORT": "99999",
+        "LICHEN_METRICS": "9090",
+        "LICHEN_THREADS": "many",
+        "LICHEN_GRACE": "nan",
+        "LICHEN_REQUEST_TIMEOUT": "inf",
+    }
     with pytest.raises(InvalidSettings) as caught:
         load({"max_body": "0", "config": str(path)}, environ)
     message = str(caught.value)
-    for part in ("LICHEN_PORT", "LICHEN_THREADS", "LICHEN_GRACE", "LICHEN_REQUEST_TIMEOUT", "--max-body", "'many'"):
+    for part in (
+        "LICHEN_PORT",
+        "LICHEN_METRICS",
+        "LICHEN_THREADS",
+        "LICHEN_GRACE",
+        "LICHEN_REQUEST_TIMEOUT",
+        "--max-body",
+        "'many'",
+    ):
         assert part in message
     for part in ("quue is not a setting; did you mean queue?", "max_side must", "max_images must", "workers must"):
         assert part in message

@@ -16,8 +16,8 @@ from lichen_service.access import signing
 from lichen_service.access.keys import SCOPES, Key, KeyFile
 from lichen_service.access.proxies import Proxies
 from lichen_service.access.rates import Rates, Verdict
+from lichen_service.http.address import UNIX, address_of
 from lichen_service.http.message import Head
-from lichen_service.http.server import UNIX
 from lichen_service.refusals import Refusal
 from lichen_service.settings import Settings
 
@@ -135,10 +135,12 @@ def _refused_signature(detail: str) -> Refusal:
 def must_not_listen(settings: Settings) -> str | None:
     """Why this configuration may not be served, or None: it would let everybody in from other machines."""
     Proxies.parse(settings.trusted_proxies)
-    if settings.insecure == "on" or settings.key_file.exists() or _is_loopback(settings.host):
+    hosts = [settings.host, *([address_of(settings.metrics)[0]] if settings.metrics else [])]
+    reachable = [host or "every interface" for host in hosts if not _is_loopback(host)]
+    if settings.insecure == "on" or settings.key_file.exists() or not reachable:
         return None
     return (
-        f"{settings.host or 'every interface'} can be reached from other machines, and no key is needed here: "
+        f"{reachable[0]} can be reached from other machines, and no key is needed here: "
         f"make one with 'lichen keys add', or say that this is meant with --insecure"
     )
 

@@ -251,7 +251,7 @@ class Connection:
     def _begin(self, opening: RawHead, raw: bytes) -> None:
         """The head is sound: decide, before reading the body, whether to."""
         self._served += 1
-        exchange = self._exchange = Exchange.opened(opening, self._peer, self._loop.settings.request_timeout)
+        exchange = self._exchange = self._loop.opened(opening, self._peer)
         exchange.keep_alive &= self._served < self._loop.bounds.requests_per_connection
         exchange.waits_for_continue &= not self._buffer
         head = exchange.head

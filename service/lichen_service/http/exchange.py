@@ -90,7 +90,7 @@ class Exchange:
     fields: dict[str, object] = field(default_factory=dict)
 
     @classmethod
-    def opened(cls, opening: RawHead, peer: str, request_timeout: float) -> Exchange:
+    def opened(cls, opening: RawHead, peer: str, request_timeout: float, apart: bool = False) -> Exchange:
         """The exchange that a sound head begins; its `head` is a refusal where target or time do not decode."""
         fields = opening.headers
         request_id = choose_request_id(fields.get("x-request-id"))
@@ -109,7 +109,7 @@ class Exchange:
                 return exchange
             allowed = min(allowed, int(asked) / 1000)
         now = exchange.started
-        head = Head(opening.method, path, query, fields, request_id, now, now + allowed, peer, allowed)
+        head = Head(opening.method, path, query, fields, request_id, now, now + allowed, peer, allowed, apart=apart)
         exchange.head = head
         exchange.waits_for_continue = opening.expects_continue and head.length != 0
         return exchange

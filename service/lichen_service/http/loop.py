@@ -22,7 +22,7 @@ from lichen_service.http.connection import Connection
 from lichen_service.http.exchange import Exchange
 from lichen_service.http.limits import Bounds, WireSettings
 from lichen_service.http.message import Admission, Application, Head, Request, Response
-from lichen_service.http.policy import Refusal
+from lichen_service.http.policy import RawHead, Refusal
 from lichen_service.http.pool import Pool
 from lichen_service.http.prompt import Known, Prompted, Prompts
 from lichen_service.http.reactor import READ, Reactor
@@ -76,7 +76,9 @@ class Loop:
         *,
         bounds: Bounds | None = None,
         log: AccessLog | None = None,
+        apart: bool = False,
     ) -> None:
+        """`apart`: whether it is the address of figures that is listened at."""
         self.settings = settings
         self.bounds = bounds or Bounds()
         self.log = log or AccessLog(tell=getattr(application, "answered", None))
@@ -87,6 +89,7 @@ class Loop:
         self._prompts = Prompts()
         self.scratch = memoryview(bytearray(self.bounds.read_size))
         self.draining = False
+        self.apart = apart
         self.held = 0
         self.memory = self.bounds.bodies_in_flight * settings.max_body
         self._application = application
@@ -171,6 +174,10 @@ class Loop:
             self.reactor.stop()
         elif len(self._connections) == self.bounds.connections - 1:
             self._listen()
+
+    def opened(self, opening: RawHead, peer: str) -> Exchange:
+        """The exchange that a sound head begins."""
+        return Exchange.opened(opening, peer, self.settings.request_timeout, self.apart)
 
     def admit(self, head: Head) -> Admission | Response:
         """The application's word, and the wire's own: room in the queue, room in memory, declared length."""

@@ -45,6 +45,8 @@ class Head(NamedTuple):
     """seconds from the moment the whole request is here until `deadline`"""
     alive: Callable[[], bool] = _always
     """whether anybody still waits for the answer; from any thread"""
+    apart: bool = False
+    """whether it came to the address of figures"""
     began: Callable[[str], None] = _nobody
     """is told the name of each stage of the work as it begins"""
 

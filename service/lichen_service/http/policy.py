@@ -62,8 +62,8 @@ _LENGTH = re.compile(rb"0|[1-9][0-9]{0,17}")
 _HOST = re.compile(rb"(?:[-A-Za-z0-9._~!$&'()*+,;=%]+|\[[0-9A-Fa-f:.]+\])(?::[0-9]{0,5})?")
 _TARGET = re.compile(rb"/[\x21-\x22\x24-\x7e]*")
 _ABSOLUTE = re.compile(rb"https?://([^/?#]*)([/?][\x21-\x22\x24-\x7e]*)?", re.IGNORECASE)
-# Without the rarer things that are allowed: HTTP/1.0, OPTIONS *, a target in absolute form, bytes beyond ASCII, an empty
-# line before.
+# Without the rarer things that are allowed: HTTP/1.0, OPTIONS *, absolute targets, bytes beyond ASCII, an empty line
+# before.
 _USUAL = re.compile(
     rb"(GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|QUERY) (/[\x21-\x22\x24-\x7e]*+) HTTP/1\.1\r\n"
     rb"((?>[-!#$%&'*+.^_`|~0-9A-Za-z]++:[\t\x20-\x7e]*+\r\n)++)\r\n"

@@ -20,7 +20,6 @@ Rules
 from __future__ import annotations
 
 import contextlib
-import errno
 import math
 import os
 import pickle
@@ -30,15 +29,13 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lichen_service.http.address import UNIX, address_of, bind, url_of
 from lichen_service.http.limits import WireSettings
 
-BACKLOG = 2048
-UNIX = "unix:"
-"""How a host begins that is a path in the file system."""
 FIRST_PAUSE = 0.1
 LONGEST_PAUSE = 5.0
 """seconds between a worker's death and its replacement"""
@@ -68,57 +65,16 @@ def serve(make_application: str, settings: WireSettings) -> int:
     `make_application` is `module:function`, called without arguments in each worker. `settings` must be picklable.
     Raises nothing for an address that cannot be taken: that is said on standard error, with status 1.
     """
-    try:
-        listener = bind(settings.host, settings.port)
-    except OSError as error:
-        where = settings.host if settings.host.startswith(UNIX) else f"{settings.host}:{settings.port}"
-        print(f"Lichen cannot listen on {where}: {error.strerror or error}", file=sys.stderr)
-        return 1
-    with listener:
-        return Supervisor(listener, make_application, settings).run()
-
-
-def bind(host: str, port: int) -> socket.socket:
-    """A listening socket at the first address that `host` resolves to, or at the path of `unix:PATH`."""
-    if host.startswith(UNIX):
-        return _bind_unix(host.removeprefix(UNIX))
-    family, kind, protocol, _, address = socket.getaddrinfo(
-        host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-    )[0]
-    listener = socket.socket(family, kind, protocol)
-    try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(address)
-        listener.listen(BACKLOG)
-    except OSError:
-        listener.close()
-        raise
-    return listener
-
-
-def _bind_unix(path: str) -> socket.socket:
-    """A socket in the file system, for its owner and group. One that nobody listens on any more is replaced."""
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+    main = settings.host if settings.host.startswith(UNIX) else f"{settings.host}:{settings.port}"
+    with contextlib.ExitStack() as stack:
+        listeners = []
+        for where in filter(None, (main, settings.metrics)):
             try:
-                probe.connect(path)
-            except FileNotFoundError:
-                pass
-            except ConnectionRefusedError:
-                os.unlink(path)
-            else:
-                raise OSError(errno.EADDRINUSE, os.strerror(errno.EADDRINUSE))
-        before = os.umask(0o117)
-        try:
-            listener.bind(path)
-        finally:
-            os.umask(before)
-        listener.listen(BACKLOG)
-    except OSError:
-        listener.close()
-        raise
-    return listener
+                listeners.append(stack.enter_context(bind(*address_of(where))))
+            except OSError as error:
+                print(f"Lichen cannot listen on {where}: {error.strerror or error}", file=sys.stderr)
+                return 1
+        return Supervisor(listeners, make_application, settings).run()
 
 
 def beat(settings: WireSettings) -> float:
@@ -150,8 +106,9 @@ class _Worker:
 
 
 class Supervisor:
-    def __init__(self, listener: socket.socket, make_application: str, settings: WireSettings) -> None:
-        self._listener = listener
+    def __init__(self, listeners: Sequence[socket.socket], make_application: str, settings: WireSettings) -> None:
+        """A second listener is that of figures."""
+        self._listeners = listeners
         self._maker = make_application
         self._begin = pickle.dumps(settings)
         self._settings = settings
@@ -225,7 +182,8 @@ class Supervisor:
     def _end(self) -> None:
         # One second more than the workers take for themselves, so that they can close in order.
         self._ends = time.monotonic() + self._settings.grace + 1.0
-        self._listener.close()
+        for listener in self._listeners:
+            listener.close()
         self._starts.clear()
         self._spare_at = math.inf
         self._tell(signal.SIGTERM)
@@ -263,7 +221,7 @@ class Supervisor:
         """A worker that is told to serve next, or else loads its libraries and waits."""
         ready_fd, other_end = os.pipe()
         os.set_blocking(ready_fd, False)
-        descriptors = (self._listener.fileno(), other_end, self._lifeline)
+        descriptors = (other_end, self._lifeline, *(listener.fileno() for listener in self._listeners))
         process = subprocess.Popen(
             [sys.executable, "-m", "lichen_service.http.worker", *map(str, descriptors)],
             stdin=subprocess.PIPE,
@@ -298,7 +256,8 @@ class Supervisor:
     def _became_ready(self) -> None:
         if not self._announced:
             self._announced = True
-            print(f"Lichen listens on {self._url()}", flush=True)
+            listens, *apart = map(url_of, self._listeners)
+            print(f"Lichen listens on {listens}", *(f"and tells figures on {each}" for each in apart), flush=True)
         for pid, each in self._workers.items():
             if each.renewed:
                 os.kill(pid, signal.SIGTERM)
@@ -381,9 +340,3 @@ class Supervisor:
     def _patience(self) -> float | None:
         soonest = min([*self._starts, self._spare_at, self._look_at, math.inf if self._ends is None else self._ends])
         return None if soonest == math.inf else max(0.0, soonest - time.monotonic())
-
-    def _url(self) -> str:
-        if self._listener.family == socket.AF_UNIX:
-            return f"{UNIX}{self._listener.getsockname()}"
-        host, port = self._listener.getsockname()[:2]
-        return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"

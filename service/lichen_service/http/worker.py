@@ -1,13 +1,15 @@
-"""A worker process: makes the application, then serves it on the listener it has inherited.
+"""A worker process: makes the application, then serves it on the listeners it has inherited.
 
-    python -m lichen_service.http.worker LISTENER READY LIFELINE          (file descriptors; see server.py)
+    python -m lichen_service.http.worker READY LIFELINE LISTENER [FIGURES]      (file descriptors; see server.py)
 
 Standard input brings, pickled, the name of the application's maker and whether this worker is a spare one, which loads
 its libraries then; and the settings, at which serving begins: of a spare worker that may be much later, or never. READY
-gets one byte once requests can be answered, and one at each beat as long as the loop goes round, which also says whether
-this worker has answered as many requests as it shall. LIFELINE is readable
-only when the supervisor has died; the worker then ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to
-standard error.
+gets a byte once requests can be answered, and one at each beat as long as the loop goes round, which also says whether
+this worker has answered as many requests as it shall. LIFELINE is readable only when the supervisor has died; the
+worker then ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to standard error.
+
+Who asks for figures, at FIGURES, is served by a loop and a thread of their own: figures can be had when every place is
+taken, and until the very end.
 
 The process ends without tearing the interpreter down: threads that compute (a warm-up, a calibration, a job that will
 wait again) may be inside a library, and one that comes back from C++ to an interpreter that is going is aborted, and
@@ -28,10 +30,12 @@ import random
 import signal
 import socket
 import sys
+import threading
 import time
-from typing import NoReturn, cast
+from dataclasses import replace
+from typing import Any, NoReturn, cast
 
-from lichen_service.http.limits import WireSettings
+from lichen_service.http.limits import Bounds, WireSettings
 from lichen_service.http.loop import Loop
 from lichen_service.http.message import Application
 from lichen_service.http.reactor import READ
@@ -41,9 +45,11 @@ SWITCH_INTERVAL = 0.001
 """seconds; the loop thread asks for the interpreter often and briefly, and the default of 5 ms would be its latency"""
 SPREAD = (0.9, 1.1)
 """times as many requests as a worker shall answer"""
+QUEUE_OF_FIGURES, CONNECTIONS_OF_FIGURES = 16, 64
+"""at the address of figures"""
 
 
-def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
+def run(ready_fd: int, lifeline_fd: int, listener_fd: int, figures_fd: int | None = None) -> NoReturn:
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR1, all_threads=True)
     sys.setswitchinterval(SWITCH_INTERVAL)
@@ -60,6 +66,8 @@ def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
         loop.reactor.wake_on_signals()
         signal.signal(signal.SIGTERM, lambda *_: loop.stop())
         loop.reactor.watch(lifeline_fd, READ, lambda _mask: _orphaned(loop, lifeline_fd))
+        if figures_fd is not None:
+            _tell_figures(socket.socket(fileno=figures_fd), application, settings)
         gc.freeze()  # what is loaded stays; to look through it again and again stops all threads each time, for 0.1 s
         _show_life(loop, ready_fd, beat(settings), settings.worker_requests)
         drained = loop.run()
@@ -68,6 +76,13 @@ def run(listener_fd: int, ready_fd: int, lifeline_fd: int) -> NoReturn:
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0 if drained else 1)
+
+
+def _tell_figures(listener: socket.socket, application: Application, settings: WireSettings) -> None:
+    """For as long as the process lives."""
+    few = cast("WireSettings", replace(cast("Any", settings), threads=1, queue=QUEUE_OF_FIGURES))
+    loop = Loop(listener, application, few, bounds=Bounds(connections=CONNECTIONS_OF_FIGURES), apart=True)
+    threading.Thread(target=loop.run, name="figures", daemon=True).start()
 
 
 def prepare(maker: str) -> None:

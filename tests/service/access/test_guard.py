@@ -183,6 +183,12 @@ def test_nobody_listens_to_other_machines_without_keys(
     assert (must_not_listen(settings) is None) is listens
 
 
+def test_figures_are_not_told_to_other_machines_without_keys(tmp_path: Path) -> None:
+    said = {metrics: must_not_listen(Settings(metrics=metrics, data=str(tmp_path))) for metrics in (":9", "[::1]:9")}
+    assert "every interface" in str(said[":9"])
+    assert said["[::1]:9"] is None
+
+
 def test_the_process_says_why_it_does_not_listen(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "lichen_service", "--host", "0.0.0.0", "--port", "0", "--data", str(tmp_path)]
     ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)

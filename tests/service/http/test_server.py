@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import signal
 import socket
 import stat
@@ -17,7 +18,7 @@ from pathlib import Path
 import pytest
 from wire_harness import PATIENCE, Client, get, post
 
-from lichen_service.http.server import bind
+from lichen_service.http.address import bind
 
 MAIN = """
 import sys
@@ -44,7 +45,7 @@ class Service:
                 env={**os.environ, "PYTHONPATH": path},
                 text=True,
             )
-        self.port = 0
+        self.port = self.apart = 0
 
     def line(self) -> str:
         assert self.process.stdout is not None
@@ -53,7 +54,8 @@ class Service:
     def listen(self) -> None:
         said = self.line()
         assert said.startswith("Lichen listens on http://127.0.0.1:"), self.errors.read_text()
-        self.port = int(said.rpartition(":")[2])
+        self.port, *apart = map(int, re.findall(r":(\d+)\b", said))
+        self.apart = apart[0] if apart else 0
 
     def pid(self) -> int:
         """Of the worker that answers; waits for one where there is none."""
@@ -267,6 +269,22 @@ def test_a_worker_that_has_answered_enough_is_renewed_and_nothing_it_was_asked_i
     until_gone(first)
     assert service.pid() != first
     assert "lost worker" not in service.errors.read_text()
+
+
+def test_figures_have_an_address_that_answers_when_every_place_is_taken(start: Callable[..., Service]) -> None:
+    service = start(metrics="127.0.0.1:0", threads=1, queue=0)
+    service.listen()
+    with Client(service.port) as client, Client(service.port) as other, Client(service.apart) as figures:
+        client.send(get("/sleep?seconds=1.5"))
+        other.send(get())
+        assert other.reply().status == 503
+        for _ in range(3):
+            figures.send(get())
+            reply = figures.reply()
+            assert (reply.status, reply.document()["apart"]) == (200, True)
+        service.process.send_signal(signal.SIGTERM)
+        assert client.reply().document()["apart"] is False
+    assert service.wait() == 0
 
 
 def test_workers_end_with_their_supervisor(start: Callable[..., Service]) -> None:

@@ -24,6 +24,7 @@ PATIENCE = 20.0
 class WireConfig:
     host: str = "127.0.0.1"
     port: int = 0
+    metrics: str = ""
     workers: int = 1
     spare: str = "off"
     silence: float = 0.0
@@ -109,7 +110,14 @@ class Toy:
                 return Response(200, b"", {"X-Note": "a\r\nSet-Cookie: b"})
             case "/strange":
                 return Response(200, 5)  # type: ignore[arg-type]
-        seen = {"pid": os.getpid(), "method": head.method, "path": head.path, "query": head.query, "length": len(body)}
+        seen = {
+            "pid": os.getpid(),
+            "apart": head.apart,
+            "method": head.method,
+            "path": head.path,
+            "query": head.query,
+            "length": len(body),
+        }
         return Response(200, json.dumps(seen).encode(), {"Content-Type": "application/json"})
 
 
