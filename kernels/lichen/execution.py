@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import Any
 
@@ -19,6 +20,7 @@ from lichen.image import Image, Storage
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.opencl.programs import compose
+from lichen.opencl.watching import watched
 from lichen.operation import Facts, Inputs
 from lichen.planning.bands import spans
 from lichen.planning.fuse import stage_of, text_of
@@ -29,7 +31,10 @@ from lichen.sharing import Shared
 
 Compute = Callable[[Node, Inputs], Array]
 Before = Callable[[str], None]
-"""Hears of a node before a step of it is begun; what it raises ends the work there."""
+"""Hears of a node before a step of it is begun, and every so often while a long one is at work on a device; what it
+raises ends the work there."""
+LONG = 0.5
+"""Predicted seconds from which on a step is ended within."""
 Observe = Callable[[Node, Inputs, Array], None]
 Findings = dict[str, Mapping[str, Any]]
 """What nodes report beside their pixels, by their names."""
@@ -58,9 +63,10 @@ def computed(
 
     def step(node: Node, inputs: Inputs) -> Array:
         before(node.name)
-        if node.name in chains and device is not None:
-            return by_chain(chains[node.name], plan.graph, inputs, device)
-        return by_method(node, inputs, device)
+        with _watched(chains.get(node.name, [node]), before):
+            if node.name in chains and device is not None:
+                return by_chain(chains[node.name], plan.graph, inputs, device)
+            return by_method(node, inputs, device)
 
     def made(node: Node, inputs: Inputs) -> Array:
         if plan.graph.precision is Precision.FLOAT64:
@@ -88,6 +94,14 @@ def computed(
             timing["findings"] = timing.get("findings", 0.0) + time.perf_counter() - started
 
     return walk(plan.graph, sources, timed, observed), findings
+
+
+def _watched(nodes: Sequence[Node], before: Before) -> AbstractContextManager[None]:
+    """Lets a step that takes long be ended within, if anybody hears of it at all."""
+    predicted = sum(node.choice.seconds for node in nodes if node.choice is not None)
+    if before is unheard or predicted < LONG:
+        return nullcontext()
+    return watched(partial(before, nodes[-1].name))
 
 
 def exact(graph: Graph, sources: Mapping[str, Image]) -> Array:

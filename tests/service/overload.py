@@ -5,7 +5,9 @@
 An open loop offers 1, 2, 5 and 10 times what four clients that wait for their answers get through, without waiting
 itself, and counts what came back, how soon refusals did, and how /livez fared meanwhile. The service has one processor
 for itself, and its clients have another: what they do is not taken from it. What was done is told for each second that
-the service was on its processor, which others may have used as well. A machine that is shared is not as fast at one
+the service was on its processor, which others may have used as well. Where the clients themselves were off their
+processor for a while, they cannot tell when an answer came: those that were awaited then are counted as not seen, as
+good or refused, but their time is not told. A machine that is shared is not as fast at one
 time as at another: each load is compared with the mean of its round, and the median over the rounds is told.
 """
 
@@ -34,6 +36,8 @@ LOADS = (0, 1, 2, 5, 10)
 """times what four clients that wait get; 0 for these"""
 PROMPT = 0.05
 """seconds within which who is refused shall know"""
+BLIND = 0.005
+"""seconds off their processor after which clients may have missed when an answer came"""
 
 
 @dataclass
@@ -56,9 +60,16 @@ class Crowd:
         self._first, self.sent = random.getrandbits(31), 0
         self._scratch = memoryview(bytearray(1 << 20))
         self.free = [self._connected() for _ in range(connections)]
+        self.counted = {True: 0, False: 0}
+        """good answers, and refusals"""
         self.good: list[float] = []
         self.refused: list[float] = []
         self.alive: list[float] = []
+        self.unseen = 0
+        """answers that came while this thread may not have had its processor"""
+        self._blind = 0.0
+        """until when it had not, the last time"""
+        self._was = time.monotonic(), time.thread_time()
         self._probe, self._next_probe = self._connected(), 0.0
 
     def _connected(self) -> Awaited:
@@ -79,12 +90,27 @@ class Crowd:
             self._probe.begun, self._next_probe = now, now + ALIVE_EVERY
             self._probe.sock.sendall(ALIVE)
 
+    def look_after(self, seconds: float) -> None:
+        """Note whether more has passed since the last call than this thread has worked, and waited, at most so long."""
+        now = time.monotonic(), time.thread_time()
+        if now[0] - self._was[0] - (now[1] - self._was[1]) > seconds + BLIND:
+            self._blind = now[0]
+        self._was = now
+
+    def _took(self, awaited: Awaited, kept: list[float]) -> None:
+        if awaited.begun < self._blind:
+            self.unseen += 1
+        else:
+            kept.append(time.monotonic() - awaited.begun)
+
     def listen(self, seconds: float) -> None:
-        for key, _ in self._selector.select(seconds):
+        ready = self._selector.select(seconds)
+        self.look_after(seconds)
+        for key, _ in ready:
             awaited: Awaited = key.data
             if awaited is self._probe:
                 assert awaited.sock.recv(4096).startswith(b"HTTP/1.1 200")
-                self.alive.append(time.monotonic() - awaited.begun)
+                self._took(awaited, self.alive)
                 awaited.begun = 0.0
                 continue
             count = awaited.sock.recv_into(self._scratch)
@@ -101,7 +127,8 @@ class Crowd:
             awaited.missing -= count
             if awaited.missing:
                 continue
-            (self.good if awaited.good else self.refused).append(time.monotonic() - awaited.begun)
+            self.counted[awaited.good] += 1
+            self._took(awaited, self.good if awaited.good else self.refused)
             if closing:  # after its thousandth request
                 self._selector.unregister(awaited.sock)
                 awaited.sock.close()
@@ -110,10 +137,10 @@ class Crowd:
 
     def leave(self) -> None:
         """When all answers have come."""
-        good, refused = list(self.good), list(self.refused)
+        good, refused, counted = list(self.good), list(self.refused), dict(self.counted)
         while len(self.free) + 1 < len(self._selector.get_map()) or self._probe.begun:
             self.listen(1.0)
-        self.good, self.refused = good, refused
+        self.good, self.refused, self.counted = good, refused, counted
         for key in list(self._selector.get_map().values()):
             key.data.sock.close()
         self._selector.close()
@@ -124,11 +151,16 @@ class Window:
     """What became of what was offered for a while."""
 
     seconds: float
+    answered: int
+    """good answers"""
+    turned_away: int
     good: list[float]
+    """how long those took that were seen to come"""
     refused: list[float]
     alive: list[float]
     """how long /livez took, each time"""
     unsent: int
+    unseen: int
     service: float
     clients: float
     """parts of a processor that both took"""
@@ -136,7 +168,7 @@ class Window:
     @property
     def rate(self) -> float:
         """Good answers in a second that the service was on its processor."""
-        return len(self.good) / self.seconds / max(self.service, 0.01)
+        return self.answered / self.seconds / max(self.service, 0.01)
 
 
 def offer(port: int, pid: int, rate: float, seconds: float) -> Window:
@@ -155,7 +187,10 @@ def offer(port: int, pid: int, rate: float, seconds: float) -> Window:
         crowd.listen(0.0005 if rate else 0.002)
     service, clients = processor_seconds(pid) - spent[0], time.process_time() - spent[1]
     crowd.leave()
-    return Window(seconds, crowd.good, crowd.refused, crowd.alive, unsent, service / seconds, clients / seconds)
+    counted, seen = crowd.counted, (crowd.good, crowd.refused, crowd.alive)
+    return Window(
+        seconds, counted[True], counted[False], *seen, unsent, crowd.unseen, service / seconds, clients / seconds
+    )
 
 
 def processor_seconds(pid: int) -> float:
@@ -177,7 +212,7 @@ def overload(seconds: float, rounds: int) -> None:
             for times in LOADS:
                 window = offer(port, pid, times * most, seconds)
                 windows[times].append(window)
-                most = most or len(window.good) / seconds
+                most = most or window.answered / seconds
     tell(windows, seconds)
 
 
@@ -191,14 +226,14 @@ def tell(windows: dict[float, list[Window]], seconds: float) -> None:
         good, refused, alive = (
             [took for one in each for took in getattr(one, kind)] for kind in ("good", "refused", "alive")
         )
-        late = sum(took > PROMPT for took in refused)
+        late, turned = sum(took > PROMPT for took in refused), sum(one.turned_away for one in each)
         told = f"offered {times}x" if times else "four that wait"
         print(
             f"{told}: {statistics.median(one.rate for one in each):.1f} good answers in a second of its processor, "
             f"{beside[times] / max(beside.values()):.0%} of the best load, p99 {share(good, 0.99):.0f} ms; "
-            f"refused {len(refused) / seconds / len(each):.0f}/s, median {share(refused, 0.5):.1f}, "
+            f"refused {turned / seconds / len(each):.0f}/s, median {share(refused, 0.5):.1f}, "
             f"p99 {share(refused, 0.99):.1f} ms, {late} after more than {PROMPT * 1e3:.0f}; "
-            f"unsent {sum(one.unsent for one in each)}; "
+            f"unsent {sum(one.unsent for one in each)}, unseen {sum(one.unseen for one in each)}; "
             f"/livez p99 {share(alive, 0.99):.1f} ms; busy "
             f"{statistics.median(one.service for one in each):.0%}, clients "
             f"{statistics.median(one.clients for one in each):.0%}",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import struct
 import threading
 import zlib
@@ -18,7 +19,8 @@ from lichen import execution
 from lichen.files import encode
 from lichen.image import Storage
 from lichen.memory import Array
-from lichen.opencl.device import Device
+from lichen.opencl import watching
+from lichen.opencl.device import Device, default_device
 from lichen.operation import Inputs
 from lichen.planning.graph import Node
 from lichen_service.app import Service
@@ -133,6 +135,36 @@ def test_work_ends_before_the_next_step_of_a_run_when_nobody_waits(
         head = Head("POST", "/v1/pipelines", said, {}, "test-request", 0.0, float("inf"), allowed=60.0)
         assert service.handle(Request(head._replace(alive=lambda most=most: len(begun) < most), png)).status == status
         assert len(begun) == most or (most == 99 and len(begun) >= 3)
+
+
+def test_work_ends_within_a_step_of_a_kernel_when_nobody_waits(
+    call: Caller, png: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if default_device() is None:
+        pytest.skip("no OpenCL device")
+    monkeypatch.setattr(execution, "LONG", 0.0)  # as if it took long
+    monkeypatch.setattr(watching, "EVERY", 0.0)
+    query = (("width", "400"), ("height", "300"), ("seed", "5"), ("format", "npy"))
+    asked: list[int] = []
+
+    def answer(most: int) -> Response:
+        asked.clear()
+
+        def alive() -> bool:
+            asked.append(1)
+            return len(asked) <= most
+
+        head = Head("GET", "/v1/operations/white_noise", query, {}, "test-request", 0.0, math.inf, allowed=60.0)
+        return call.service.handle(Request(head._replace(alive=alive), b""))
+
+    whole = answer(10_000)
+    parts = len(asked)
+    assert parts > 10, "it was asked between parts"
+    assert answer(parts // 2).status == CLIENT_GONE
+    assert len(asked) == parts // 2 + 1
+    monkeypatch.setattr(execution, "LONG", math.inf)
+    assert bytes(answer(10_000).body) == bytes(whole.body)
+    assert len(asked) < parts
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ import numpy.typing as npt
 from lichen.errors import DeviceFailure
 from lichen.memory import ALIGNMENT, Array, aligned_empty
 from lichen.opencl.programs import Definitions
+from lichen.opencl.watching import watch
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -141,7 +142,8 @@ class Session:
         """Enqueue `kernel` of `source` over `grid` work-items, padded up to whole work-groups.
 
         `local` is the work-group size (None: `LOCAL`); name (1,) or (1, 1) where one item does a lot of work,
-        such as a whole segment of a row. Kernels must give the same with any.
+        such as a whole segment of a row. Kernels must give the same with any. Where the work is watched
+        (`lichen.opencl.watching`) it is carried out in parts before this returns, and ends with what the watch raises.
         Raises `DeviceFailure` naming source and kernel, with the build log where there is one.
         """
         import pyopencl as cl
@@ -164,8 +166,19 @@ class Session:
         except cl.Error as error:
             given = type(values[at]).__name__
             raise DeviceFailure(f"Kernel {kernel} of {source} refuses argument {at} ({given}): {error}") from error
+
+        def enqueue(size: tuple[int, ...], offset: tuple[int, ...] | None = None) -> None:
+            cl.enqueue_nd_range_kernel(self._queue, built, size, group, offset)
+
+        def carry_out(size: tuple[int, ...], offset: tuple[int, ...] | None) -> None:
+            enqueue(size, offset)
+            self._queue.finish()
+
         try:
-            cl.enqueue_nd_range_kernel(self._queue, built, padded, group)
+            if (watching := watch()) is None:
+                enqueue(padded)
+            else:
+                watching.run(f"{source}/{kernel}", padded, group, carry_out)
         except cl.Error as error:
             raise DeviceFailure(f"Kernel {kernel} of {source} could not be launched: {error}") from error
 

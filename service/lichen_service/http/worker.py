@@ -45,6 +45,9 @@ SWITCH_INTERVAL = 0.001
 """seconds; the loop thread asks for the interpreter often and briefly, and the default of 5 ms would be its latency"""
 SPREAD = (0.9, 1.1)
 """times as many requests as a worker shall answer"""
+COLLECT = (7000, 10, 30)
+"""when the collector of cycles looks at young, older and all objects: ten and three times as seldom as it would, since
+all threads stand still meanwhile, for 30 to 60 ms at the last. Nothing large hangs in a cycle here."""
 QUEUE_OF_FIGURES, CONNECTIONS_OF_FIGURES = 16, 64
 """at the address of figures"""
 
@@ -69,6 +72,7 @@ def run(ready_fd: int, lifeline_fd: int, listener_fd: int, figures_fd: int | Non
         if figures_fd is not None:
             _tell_figures(socket.socket(fileno=figures_fd), application, settings)
         gc.freeze()  # what is loaded stays; to look through it again and again stops all threads each time, for 0.1 s
+        gc.set_threshold(*COLLECT)
         _show_life(loop, ready_fd, beat(settings), settings.worker_requests)
         drained = loop.run()
     if drained:

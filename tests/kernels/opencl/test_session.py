@@ -13,6 +13,7 @@ from lichen.errors import DeviceFailure
 from lichen.memory import aligned_empty
 from lichen.opencl.device import Device
 from lichen.opencl.session import Session, widened
+from lichen.opencl.watching import watch, watched
 
 SOURCE = str(Path(__file__).with_name("trial.cl"))
 
@@ -43,6 +44,35 @@ def test_two_dimensions(device: Device) -> None:
     with device.session() as session:
         session.launch(SOURCE, "place", (67, 5), session.write(out), np.int32(67), np.int32(5))
     assert np.array_equal(out, 1000 * np.arange(5)[:, np.newaxis] + np.arange(67))
+
+
+def test_what_is_watched_is_carried_out_in_parts_to_the_same_bytes_and_ends_when_it_shall(device: Device) -> None:
+    def place(rows: int) -> np.ndarray:
+        out = aligned_empty((rows, 67), np.int32)
+        out.fill(-1)
+        with device.session() as session:
+            session.launch(SOURCE, "place", (67, rows), session.readwrite(out), np.int32(67), np.int32(rows))
+        return out
+
+    asked: list[int] = []
+
+    def look() -> None:
+        asked.append(len(asked))
+        if len(asked) == most:
+            raise TimeoutError
+
+    most = 10_000
+    with watched(look):
+        assert np.array_equal(place(500), place(500))
+    assert len(asked) > 2, "the first launch has parts"
+    assert np.array_equal(place(500), 1000 * np.arange(500)[:, np.newaxis] + np.arange(67))
+    most = len(asked) + 2
+    kept = aligned_empty((500, 67), np.int32)
+    kept.fill(-1)
+    with watched(look), pytest.raises(TimeoutError), device.session() as session:
+        session.launch(SOURCE, "place", (67, 500), session.readwrite(kept), np.int32(67), np.int32(500))
+    assert 0 < (kept >= 0).sum() < kept.size, "it has begun and has not come to its end"
+    assert watch() is None
 
 
 def test_launches_see_what_earlier_ones_wrote(device: Device) -> None:
