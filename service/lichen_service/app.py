@@ -173,7 +173,8 @@ class Service:
         return Admission(self._settings.max_body, caller)
 
     def drain(self) -> None:
-        """The service ends: begin no job any more."""
+        """The service ends: be sent nothing, and begin no job any more."""
+        self.readiness.leave()
         if self.jobs:
             self.jobs.runner.stop()
 

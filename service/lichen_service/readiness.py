@@ -132,6 +132,7 @@ class Readiness:
         self._able = threading.Event()
         self._warm = threading.Event()
         self._stopping = threading.Event()
+        self._leaving = False
         self._thread = threading.Thread(target=self._warm_up, name="warm-up", daemon=True)
 
     def start(self) -> None:
@@ -143,6 +144,10 @@ class Readiness:
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join(seconds)
+
+    def leave(self) -> None:
+        """The service is about to end, and shall be sent nothing more."""
+        self._leaving = True
 
     def wait(self, seconds: float) -> bool:
         """Waits for the end of the warm-up; False if it takes longer."""
@@ -174,10 +179,12 @@ class Readiness:
     @property
     def fresh(self) -> bool:
         """Whether the canary came back a moment ago, so that it need not be asked; takes no lock and never waits."""
-        return self._able.is_set() and time.monotonic() < self._good_until
+        return self._able.is_set() and not self._leaving and time.monotonic() < self._good_until
 
     def reason(self) -> str | None:
         """Why the process should not be sent requests now, or None if it should."""
+        if self._leaving:
+            return "the service is about to end"
         if not self._able.is_set():
             return "no operation has run yet"
         with self._lock:

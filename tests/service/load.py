@@ -1,11 +1,12 @@
 """What the service does before clients that send nothing or mean harm, and when something dies.
 
-    python tests/service/load.py half-open|bombs|decoders|failures ...        (all of them without a name)
+    python tests/service/load.py half-open|bombs|decoders|hang-up|failures ...        (all of them without a name)
 
 More load than it can bear is offered by `overload.py`. Half-open: 2000 connections that never finish their head.
 Bombs: how soon files made to harm are answered, and what memory they cost. Decoders: how long photographs of 12
-megapixels take in a decoder, and where nothing is between. Failures: what was accepted before is asked for after, and
-the time until the service answers again is taken.
+megapixels take in a decoder, and where nothing is between. Hang-up: how soon the place of a client that hangs up within
+a step of a second or more is another's. Failures: what was accepted before is asked for after, and the time until the
+service answers again is taken.
 """
 
 from __future__ import annotations
@@ -249,6 +250,39 @@ def decoders() -> None:
         print(f"{name}: median {share(each, 0.5):.0f}, least {share(each, 0):.0f} ms")
 
 
+# ------------------------------------------------------------------------------------------------------------- hang-up
+
+LONG = ("worley_noise?width=6000&height=6000", "lic?length=300&kernel=box")
+
+
+def hang_up() -> None:
+    """The service has one place; it is taken by a long step, whose client goes, and asked for until it is free."""
+    vectors = np.random.default_rng(5).standard_normal((3000, 3000, 2)).astype(np.float32)
+    field = bytes(encode(Image(vectors), "npy").data)
+    with served(threads=1, queue=0) as service:
+        for name in LONG:
+            body = field if name.startswith("lic") else b""
+            head = f"{'POST' if body else 'GET'} /v1/operations/{name}&format=npy&max_error=1 HTTP/1.1\r\nHost: a\r\n"
+            freed, whole = [], []
+            for at in range(6):
+                with socket.create_connection(("127.0.0.1", service.port), timeout=120) as client:
+                    began = time.monotonic()
+                    client.sendall(f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body)
+                    if not at:  # once to the end: kernels are built, and it is known how long it takes
+                        client.recv(1)
+                        whole.append(time.monotonic() - began)
+                        continue
+                    time.sleep(whole[0] / 2)
+                    assert service.ask("GET", "/v1/operations/white_noise?width=8&height=8")[0] == 503
+                began = time.monotonic()
+                while service.ask("GET", f"/v1/operations/white_noise?width=8&height=8&seed={at}")[0] != 200:
+                    time.sleep(0.002)
+                freed.append(time.monotonic() - began)
+            print(
+                f"{name}: takes {whole[0]:.2f} s; free after {share(freed, 0.5):.0f} ms, at most {share(freed, 1):.0f}"
+            )
+
+
 # ------------------------------------------------------------------------------------------------------------ failures
 
 
@@ -361,6 +395,7 @@ def main(names: list[str]) -> None:
         "half-open": half_open,
         "bombs": bombs,
         "decoders": decoders,
+        "hang-up": hang_up,
         "failures": failures,
     }
     for name in names or parts:

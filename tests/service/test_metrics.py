@@ -155,3 +155,6 @@ def test_what_is_told_at_an_address_of_its_own_is_told_nowhere_else(settings: Se
         "/v1/limits": 404,
         "/": 404,
     }
+    service.drain()
+    assert status("/readyz", True) == 503, "where clients can still ask whether they should come"
+    assert status("/livez", True) == 200
