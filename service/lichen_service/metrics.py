@@ -57,6 +57,9 @@ class Metrics:
         self._runs = Counter("lichen_runs", "operations that ran", ("operation", "method", "device"), registry=own)
         self._pixels = Counter("lichen_pixels", "pixels of the inputs of runs", registry=own)
         self._skipped = Counter("lichen_runs_with_skipped_work", "runs in which work was left out", registry=own)
+        self._results = Counter(
+            "lichen_results", "results, by whether another request had made them", ("kept",), registry=own
+        )
         self._received = Counter("lichen_received_bytes", "bytes of request bodies", registry=own)
         self._sent = Counter("lichen_sent_bytes", "bytes of answers", registry=own)
         self.decoders_died = Counter("lichen_decoders_died", "decoders that ended on an image", registry=own)
@@ -81,6 +84,8 @@ class Metrics:
             sent += line["bytes_out"]
             if "queue_ms" in line:
                 self._queue.observe(line["queue_ms"] / 1e3)
+            if "kept" in line:
+                self._results.labels("yes" if line["kept"] else "no").inc()
             if "problem" in line:
                 problems[line["problem"]] += 1
             if "operation" in line and self._known(line["operation"]):

@@ -49,9 +49,10 @@ def test_an_answer_is_counted_once_in_each_figure(metrics: Metrics) -> None:
         "pixels": 100,
         "skipped": 1,
         "queue_ms": 1.5,
+        "kept": False,
         "stages_ms": {"decode": 1.0, "kernel": 2.0, "kernel.made-up": 2.0},
     }
-    metrics.answered([run, LINE | {"status": 422, "problem": "invalid-request"}])
+    metrics.answered([run, LINE | {"route": "/v1/pipelines", "kept": True}, LINE | {"status": 422, "problem": "invalid-request"}])
     found = figures(metrics.text())
     assert found["lichen_requests_total method=GET route=/v1/limits status=200"] == 1
     assert found["lichen_requests_total method=GET route=/v1/limits status=422"] == 1
@@ -60,10 +61,11 @@ def test_an_answer_is_counted_once_in_each_figure(metrics: Metrics) -> None:
     assert found["lichen_pixels_total"] == 100
     assert found["lichen_runs_with_skipped_work_total"] == 1
     assert found["lichen_queue_seconds_count"] == 1
+    assert (found["lichen_results_total kept=no"], found["lichen_results_total kept=yes"]) == (1, 1)
     assert found["lichen_stage_seconds_count stage=kernel"] == 1
     assert not any("made-up" in name for name in found)
-    assert found["lichen_received_bytes_total"] == 9
-    assert found["lichen_sent_bytes_total"] == 15
+    assert found["lichen_received_bytes_total"] == 12
+    assert found["lichen_sent_bytes_total"] == 20
 
 
 def test_counting_together_is_counting_one_by_one(metrics: Metrics) -> None:
