@@ -269,7 +269,8 @@ def hang_up() -> None:
                     began = time.monotonic()
                     client.sendall(f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body)
                     if not at:  # once to the end: kernels are built, and it is known how long it takes
-                        client.recv(1)
+                        said = client.recv(4096)
+                        assert said.startswith(b"HTTP/1.1 200"), said
                         whole.append(time.monotonic() - began)
                         continue
                     time.sleep(whole[0] / 2)
