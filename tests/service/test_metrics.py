@@ -52,7 +52,9 @@ def test_an_answer_is_counted_once_in_each_figure(metrics: Metrics) -> None:
         "kept": False,
         "stages_ms": {"decode": 1.0, "kernel": 2.0, "kernel.made-up": 2.0},
     }
-    metrics.answered([run, LINE | {"route": "/v1/pipelines", "kept": True}, LINE | {"status": 422, "problem": "invalid-request"}])
+    metrics.answered(
+        [run, LINE | {"route": "/v1/pipelines", "kept": True}, LINE | {"status": 422, "problem": "invalid-request"}]
+    )
     found = figures(metrics.text())
     assert found["lichen_requests_total method=GET route=/v1/limits status=200"] == 1
     assert found["lichen_requests_total method=GET route=/v1/limits status=422"] == 1

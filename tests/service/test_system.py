@@ -100,6 +100,7 @@ def test_versions_name_what_computes(call: Caller) -> None:
     versions = read_json(call("GET", "/v1/version"))
     assert versions["lichen"] == lichen.__version__
     assert versions["libraries"]["numpy"]
+    assert re.fullmatch("[0-9a-f]{16}", versions["build"])
     assert versions["opencl"]["device"] if versions["opencl"]["available"] else versions["opencl"]["reason"]
 
 
