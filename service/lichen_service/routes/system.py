@@ -60,7 +60,7 @@ class System:
         )
 
     def version(self, request: Request, name: str) -> Response:
-        return self._shelf.answer(request.head, lambda: canonical(versions()))
+        return self._shelf.answer(request.head, lambda: canonical({**versions(), "build": _build()}))
 
     def limits(self, request: Request, name: str) -> Response:
         return self._shelf.answer(request.head, lambda: canonical(limits_of(self._settings)))
@@ -78,11 +78,10 @@ def _openapi() -> bytes:
 
 @cache
 def versions() -> dict[str, Any]:
-    """Versions of what computes: the engine, its code, the device, the libraries and Python."""
+    """Versions of what computes: the engine, the device, the libraries and Python."""
     device = default_device()
     return {
         "lichen": lichen.__version__,
-        "build": _build(),
         "python": platform.python_version(),
         "libraries": {name: _version_of(name) for name in LIBRARIES},
         "opencl": {"available": False, "reason": status().reason}
@@ -92,8 +91,8 @@ def versions() -> dict[str, Any]:
 
 
 def _build() -> str:
-    """A digest of all code and tables that are installed, which takes a tenth of a second: where it is equal, so is what is
-    computed, by equal libraries on equal devices."""
+    """A digest of all code and tables that are installed, which takes a tenth of a second: where it is equal, so is
+    what is computed, by equal libraries on equal devices."""
     found = hashlib.sha256()
     for package in (lichen, lichen_service):
         root = Path(str(package.__file__)).parent
