@@ -11,9 +11,11 @@ Rules
 
 from __future__ import annotations
 
+import os
 import re
 import secrets
 import time
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from email.utils import formatdate
@@ -29,6 +31,10 @@ _REQUIRED = {405: "allow", 401: "www-authenticate"}
 _OURS = frozenset(
     ("date", "content-length", "connection", "transfer-encoding", "server", "x-request-id", "x-content-type-options")
 )
+_drawn: deque[str] = deque()
+"""ids that nobody has yet"""
+_DRAWN_AT_ONCE = 256
+os.register_at_fork(after_in_child=_drawn.clear)
 _POLICY = "content-security-policy"
 _INERT = ("Content-Security-Policy", "sandbox; default-src 'none'")
 _PHRASES = {status.value: status.phrase for status in HTTPStatus}
@@ -52,7 +58,17 @@ class Wire:
 
 def choose_request_id(offered: str | None) -> str:
     """The client's own id where it is harmless in headers and logs, else a fresh one."""
-    return offered if offered is not None and _REQUEST_ID.fullmatch(offered) else secrets.token_hex(16)
+    return offered if offered is not None and _REQUEST_ID.fullmatch(offered) else _fresh_id()
+
+
+def _fresh_id() -> str:
+    """From any thread. Many are drawn at once: each question to the system lets other threads take the interpreter."""
+    try:
+        return _drawn.pop()
+    except IndexError:
+        drawn = secrets.token_hex(16 * _DRAWN_AT_ONCE)
+        _drawn.extend(drawn[at : at + 32] for at in range(32, len(drawn), 32))
+        return drawn[:32]
 
 
 def completed(response: Response, request_id: str) -> dict[str, str]:

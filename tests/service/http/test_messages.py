@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import time
 from dataclasses import dataclass
 from datetime import datetime
@@ -85,6 +86,12 @@ def test_allow_suffices_for_405() -> None:
 
 
 @pytest.mark.parametrize("offered", ["abc", "A.b_c-9", "x" * 128])
+def test_fresh_request_ids_are_never_the_same() -> None:
+    drawn = [choose_request_id(None) for _ in range(1000)]
+    assert len(set(drawn)) == 1000
+    assert all(re.fullmatch("[0-9a-f]{32}", each) for each in drawn)
+
+
 def test_harmless_request_ids_are_kept(offered: str) -> None:
     assert choose_request_id(offered) == offered
 
