@@ -85,13 +85,13 @@ def test_allow_suffices_for_405() -> None:
     assert finished(Response(405, headers={"Allow": "GET"}))[0] == "HTTP/1.1 405 Method Not Allowed"
 
 
-@pytest.mark.parametrize("offered", ["abc", "A.b_c-9", "x" * 128])
 def test_fresh_request_ids_are_never_the_same() -> None:
     drawn = [choose_request_id(None) for _ in range(1000)]
     assert len(set(drawn)) == 1000
     assert all(re.fullmatch("[0-9a-f]{32}", each) for each in drawn)
 
 
+@pytest.mark.parametrize("offered", ["abc", "A.b_c-9", "x" * 128])
 def test_harmless_request_ids_are_kept(offered: str) -> None:
     assert choose_request_id(offered) == offered
 
