@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
@@ -166,19 +167,11 @@ class Session:
         except cl.Error as error:
             given = type(values[at]).__name__
             raise DeviceFailure(f"Kernel {kernel} of {source} refuses argument {at} ({given}): {error}") from error
-
-        def enqueue(size: tuple[int, ...], offset: tuple[int, ...] | None = None) -> None:
-            cl.enqueue_nd_range_kernel(self._queue, built, size, group, offset)
-
-        def carry_out(size: tuple[int, ...], offset: tuple[int, ...] | None) -> None:
-            enqueue(size, offset)
-            self._queue.finish()
-
         try:
             if (watching := watch()) is None:
-                enqueue(padded)
+                cl.enqueue_nd_range_kernel(self._queue, built, padded, group)
             else:
-                watching.run(f"{source}/{kernel}", padded, group, carry_out)
+                watching.run(f"{source}/{kernel}", padded, group, partial(self._carry_out, built, group))
         except cl.Error as error:
             raise DeviceFailure(f"Kernel {kernel} of {source} could not be launched: {error}") from error
 
@@ -215,6 +208,15 @@ class Session:
                 held.array[...] = held.memory
 
     # --------------------------------------------------------------------------------------------- machinery
+
+    def _carry_out(
+        self, built: cl.Kernel, group: tuple[int, ...], size: tuple[int, ...], offset: tuple[int, ...] | None
+    ) -> None:
+        """Run a part of a grid to its end."""
+        import pyopencl as cl
+
+        cl.enqueue_nd_range_kernel(self._queue, built, size, group, offset)
+        self._queue.finish()
 
     def _map(self, held: Held) -> cl.MemoryMap:
         """Begin to bring what the device wrote to the host; where both share memory this moves nothing."""
