@@ -252,16 +252,16 @@ def decoders() -> None:
 
 # ------------------------------------------------------------------------------------------------------------- hang-up
 
-LONG = ("worley_noise?width=6000&height=6000", "lic?length=300&kernel=box")
+LONG = ("worley_noise?width=6000&height=6000", "median?size=31")
 
 
 def hang_up() -> None:
     """The service has one place; it is taken by a long step, whose client goes, and asked for until it is free."""
-    vectors = np.random.default_rng(5).standard_normal((3000, 3000, 2)).astype(np.float32)
-    field = bytes(encode(Image(vectors), "npy").data)
+    noise = np.random.default_rng(5).random((3000, 3000, 1), np.float32)
+    picture = bytes(encode(Image(noise), "npy").data)
     with served(threads=1, queue=0) as service:
         for name in LONG:
-            body = field if name.startswith("lic") else b""
+            body = picture if name.startswith("median") else b""
             head = f"{'POST' if body else 'GET'} /v1/operations/{name}&format=npy&max_error=1 HTTP/1.1\r\nHost: a\r\n"
             freed, whole = [], []
             for at in range(6):

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-EVERY = 0.05
+EVERY = 0.025
 """Seconds of a part, about."""
 FIRST = 64
 """Parts of a whole, as long as it is not known how long they take."""
