@@ -156,8 +156,8 @@ class Connection:
                 count = body.receive(self._socket, self._loop.bounds.body_read_size)
                 self._count_body(count)
             else:
-                count = self._loop.scratch.receive(self._socket)
-                self._buffer += self._loop.scratch.view[:count]
+                count = self._socket.recv_into(self._loop.scratch)
+                self._buffer += self._loop.scratch[:count]
         except BlockingIOError:
             return
         self._ended = count == 0

@@ -18,7 +18,6 @@ from functools import lru_cache, partial
 from http import HTTPStatus
 
 from lichen_service.http.access_log import AccessLog
-from lichen_service.http.brisk import Scratch
 from lichen_service.http.connection import Connection
 from lichen_service.http.exchange import Exchange
 from lichen_service.http.limits import Bounds, WireSettings
@@ -88,7 +87,7 @@ class Loop:
         self.reactor.rest = self._rest
         self._logging = self.reactor.deadline(self.log.flush)
         self._prompts = Prompts()
-        self.scratch = Scratch(self.bounds.read_size)
+        self.scratch = memoryview(bytearray(self.bounds.read_size))
         self.draining = False
         self.apart = apart
         self.held = 0

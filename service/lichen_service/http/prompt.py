@@ -28,7 +28,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple, TypeVar
 
 from lichen_service.http.access_log import shown_query
-from lichen_service.http.brisk import send
 from lichen_service.http.exchange import Exchange, milliseconds
 from lichen_service.http.finish import choose_request_id, date, frame
 from lichen_service.http.message import Head, Response
@@ -60,7 +59,7 @@ class Prompt:
         started, request_id = time.monotonic(), choose_request_id(offered)
         answer = self.whole(request_id.encode())
         try:
-            sent = send(sock, answer)
+            sent = sock.send(answer)
         except BlockingIOError:
             sent = 0
         if sent == len(answer):
