@@ -8,7 +8,7 @@ for itself, and its clients have another: what they do is not taken from it. Wha
 the service was on its processor, which others may have used as well. Where the clients themselves were off their
 processor for a while, they cannot tell when an answer came: those that were awaited then are counted as not seen, as
 good or refused, but their time is not told. A machine that is shared is not as fast at one
-time as at another: each load is compared with the mean of its round, and the median over the rounds is told.
+time as at another: all loads are offered in every round, one after the other, and the sums over all rounds compared.
 """
 
 from __future__ import annotations
@@ -165,11 +165,6 @@ class Window:
     clients: float
     """parts of a processor that both took"""
 
-    @property
-    def rate(self) -> float:
-        """Good answers in a second that the service was on its processor."""
-        return self.answered / self.seconds / max(self.service, 0.01)
-
 
 def offer(port: int, pid: int, rate: float, seconds: float) -> Window:
     """What becomes of so many requests a second, sent whether or not those before are answered; with rate 0 of four
@@ -194,9 +189,9 @@ def offer(port: int, pid: int, rate: float, seconds: float) -> Window:
 
 
 def processor_seconds(pid: int) -> float:
-    """That all threads of a process have had."""
-    threads = Path(f"/proc/{pid}/task").iterdir()
-    return sum(int((thread / "schedstat").read_text().split()[0]) for thread in threads) / 1e9
+    """That a process has had, with all its threads, also those that have ended."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def overload(seconds: float, rounds: int) -> None:
@@ -217,9 +212,8 @@ def overload(seconds: float, rounds: int) -> None:
 
 
 def tell(windows: dict[float, list[Window]], seconds: float) -> None:
-    means = [statistics.fmean(one.rate for one in together) for together in zip(*windows.values(), strict=True)]
-    beside = {
-        times: statistics.median(one.rate / mean for one, mean in zip(each, means, strict=True))
+    rates = {
+        times: sum(one.answered for one in each) / sum(one.seconds * one.service for one in each)
         for times, each in windows.items()
     }
     for times, each in windows.items():
@@ -229,8 +223,8 @@ def tell(windows: dict[float, list[Window]], seconds: float) -> None:
         late, turned = sum(took > PROMPT for took in refused), sum(one.turned_away for one in each)
         told = f"offered {times}x" if times else "four that wait"
         print(
-            f"{told}: {statistics.median(one.rate for one in each):.1f} good answers in a second of its processor, "
-            f"{beside[times] / max(beside.values()):.0%} of the best load, p99 {share(good, 0.99):.0f} ms; "
+            f"{told}: {rates[times]:.1f} good answers in a second of its processor, "
+            f"{rates[times] / max(rates.values()):.0%} of the best load, p99 {share(good, 0.99):.0f} ms; "
             f"refused {turned / seconds / len(each):.0f}/s, median {share(refused, 0.5):.1f}, "
             f"p99 {share(refused, 0.99):.1f} ms, {late} after more than {PROMPT * 1e3:.0f}; "
             f"unsent {sum(one.unsent for one in each)}, unseen {sum(one.unseen for one in each)}; "
