@@ -46,8 +46,8 @@ SWITCH_INTERVAL = 0.001
 SPREAD = (0.9, 1.1)
 """times as many requests as a worker shall answer"""
 COLLECT = (7000, 10, 30)
-"""when the collector of cycles looks at young, older and all objects: ten times, and at all thirty times as seldom as it
-would, since all threads stand still meanwhile, for 30 to 60 ms at the last. Nothing large hangs in a cycle here."""
+"""when the collector of cycles looks at young, older and all objects: ten times, and at all thirty times as seldom as
+it would, since all threads stand still meanwhile, for 30 to 60 ms at the last. Nothing large hangs in a cycle here."""
 QUEUE_OF_FIGURES, CONNECTIONS_OF_FIGURES = 16, 64
 """at the address of figures"""
 
