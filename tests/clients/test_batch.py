@@ -200,7 +200,7 @@ def test_an_invalid_manifest_does_nothing(
     assert main(command) == 3
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err.count("/parameters/sigma") == said.err.count("/query/bordr") == 12
+    assert said.err.count("/parameters/sigma") == said.err.count("/parameters/bordr") == 12
     assert not (tmp_path / "out").exists()
     monkeypatch.setenv("JOB_COMPLETION_INDEX", "0")
     assert main(arguments(photos, tmp_path / "out")) == 3, "nobody says how many shards there are"

@@ -120,9 +120,9 @@ def test_every_flaw_of_every_line_is_found_at_once(photos: Path) -> None:
     )
     assert flaws_of(source) == {
         (2, "/id"),
-        (3, "/outputs/"),
+        (3, "/output"),
         (4, "/parameters/sigma"),
-        (4, "/query/sgima"),
+        (4, "/parameters/sgima"),
         (4, "/outputs/result"),
         (5, "/colour"),
         (6, "/operation"),
@@ -131,7 +131,7 @@ def test_every_flaw_of_every_line_is_found_at_once(photos: Path) -> None:
         (9, "/operation"),
         (10, "/nodes/gaussian/parameters/sigma"),
         (10, "/nodes/blur/operation"),
-        (11, "/query/explain"),
+        (11, "/parameters/explain"),
         (11, "/inputs/image"),
         (11, "/outputs/result"),
         (12, ""),
@@ -144,7 +144,7 @@ def test_every_flaw_of_every_line_is_found_at_once(photos: Path) -> None:
     ("defaults", "pointer"),
     [
         (Defaults(operation="gaussian", output="{nonsense}.png"), "/output"),
-        (Defaults(operation="gaussian", output="same.png"), "/outputs/"),
+        (Defaults(operation="gaussian", output="same.png"), "/output"),
         (Defaults(), "/operation"),
     ],
 )

@@ -269,7 +269,7 @@ def test_a_raw_answer_is_what_came_refusals_too(server: Any, answer: Any) -> Non
             return [
                 await each
                 for each in (
-                    raw.run("gaussian", b"x", sigma=1),
+                    raw.gaussian(b"x", sigma=1),
                     raw.run_pipeline("levels", b"x"),
                     raw.render({"a": 1}),
                     raw.get("v1", "limits"),

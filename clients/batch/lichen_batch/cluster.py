@@ -174,7 +174,8 @@ class DaskEngine:
         """tasks"""
         self._seconds = LASTING
         """that an item takes, about"""
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
+        """held again by who is answered: that may hand in the next item"""
 
     @property
     def capacity(self) -> int:

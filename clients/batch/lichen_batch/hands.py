@@ -101,7 +101,7 @@ class Hand:
                 process.stdin.write(json.dumps(todo[self._given].to_json(), separators=(",", ":")).encode() + b"\n")
                 self._given += 1
             process.stdin.flush()
-            outcome = Outcome.from_json(json.loads(self._line(self._limits.seconds, self._limits.memory)))
+            outcome = Outcome.from_line(self._line(self._limits.seconds, self._limits.memory))
             self._given -= 1
             return outcome
         except TimeoutError:

@@ -11,7 +11,6 @@ anew.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
@@ -81,11 +80,15 @@ def _write(path: Path, said: dict[str, Any], *, replace: bool) -> None:
             json.dump(said, file)
             file.flush()
             os.fsync(file.fileno())
+        try:
+            if not replace:
+                os.link(part, path)
+        except FileExistsError:
+            return
+        except OSError:  # a file system without links: the last of several runs wins
+            replace = True
         if replace:
             part.replace(path)
-        else:
-            with contextlib.suppress(FileExistsError):
-                os.link(part, path)
     finally:
         part.unlink(missing_ok=True)
 

@@ -1,9 +1,9 @@
 """`lichen batch run MANIFEST --out FOLDER`: many images by one command, each done once, whatever happens in between.
 
 The manifest is checked whole before anything starts. Progress goes to standard error where that is a terminal, the
-summary to standard output as JSON. Statuses: 0 all done; 2 some failed; 3 the manifest or the command is not valid, or
-the run could not go on; 130 and 143 after SIGINT and SIGTERM. Under a Kubernetes Indexed Job, 42 says that trying
-this index again cannot help.
+summary to standard output as JSON, or in words to a terminal. Statuses: 0 all done; 2 some failed; 3 the manifest or
+the command is not valid, or the run could not go on; 130 and 143 after SIGINT and SIGTERM. Under a Kubernetes Indexed
+Job, 42 says that trying this index again cannot help.
 
 `lichen batch tiles IN OUT` computes one image that is larger than memory.
 """
@@ -95,6 +95,9 @@ def _parser() -> Parser:
     add("--shard", type=_shard, metavar="I/N", help=share)
     add("--check", action="store_true", help="check the manifest and do nothing")
     add("--quiet", action="store_true", help="no progress")
+    add(
+        "--json", action="store_true", help="print the summary as JSON on a terminal, too; it is in summary.json anyway"
+    )
     return parser
 
 
@@ -163,7 +166,7 @@ def _run(given: argparse.Namespace) -> int:
             places.sweep([str(kept.times), *(place for item in mine for place in item.outputs.values())])
     status = _status(account, stop)
     summary = account.to_json(left, _why(stop), **_of(given, name, index, count), status=status)
-    _tell(summary, kept.summary, account)
+    _tell(summary, kept.summary, as_json=given.json)
     return status
 
 
@@ -259,14 +262,16 @@ def _why(stop: Any) -> str | None:
     return "too many failures" if stop.failing else None
 
 
-def _tell(summary: dict[str, Any], path: Path, account: Any) -> None:
+def _tell(summary: dict[str, Any], path: Path, *, as_json: bool) -> None:
+    """As JSON to whatever reads it, and to people in words."""
     from lichen_batch import places
     from lichen_cli.progress import tell
 
     text = json.dumps(summary, indent=2, ensure_ascii=False) + "\n"
     places.write(str(path), text.encode())
-    print(text, end="")
-    if sys.stderr.isatty():
+    if as_json or not sys.stdout.isatty():
+        print(text, end="")
+    if sys.stderr.isatty() or sys.stdout.isatty():
         tell(summary)
 
 
