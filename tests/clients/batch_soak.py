@@ -176,7 +176,7 @@ def _compare(folder: Path, out: Path, count: int) -> dict[str, int]:
     lines = Counter(line["id"] for line in _lines(out) if line["status"] == "ok")
     wrong = 0
     known = json.loads((out / "times.json").read_text())["times"]
-    with Client(local=True) as client, times.held(known):
+    with Client(local=True, timeout=1e9) as client, times.held(known):
         for number in range(count):
             path = out / f"{number}.tif"
             source = (folder / f"{number % 10}.npy").read_bytes()

@@ -126,8 +126,10 @@ def state_of(service: Service, location: str) -> str:
 
 
 def test_jobs_of_the_service_are_computed_there_bit_for_bit(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
+    """By what the service has measured, and not by what those that compute have."""
+    measured("deriche")
     service = Service(Settings(data=str(tmp_path), jobs=f"dask://{cluster[0]}", cache=0, decoders=1))
     assert service.jobs is not None
     service.jobs.runner.start()
@@ -138,6 +140,7 @@ def test_jobs_of_the_service_are_computed_there_bit_for_bit(
         run, later = "/v1/operations/gaussian?sigma=3&format=png&device=numpy", {"prefer": "respond-async"}
         expected = asked(service, "POST", run, body)
         assert expected.status == 200
+        assert expected.headers["Lichen-Method"].startswith("deriche")
         graph = json.dumps(
             {
                 "pipeline": "gaussian:sigma=3",

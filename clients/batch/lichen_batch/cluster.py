@@ -1,11 +1,11 @@
 """Items on the workers of a Dask cluster: one that is there, or one of this machine's processes.
 
-Every worker holds as many processes that do items (see `hands`) as it has threads, warm from the moment it joins and
-until nothing was done for minutes; so an item has its limits there too, and one that ends its process does not end the
-worker. Batches of other limits or other times have processes of their own. A worker that dies costs the items
-it was doing, which the scheduler gives to others; outputs are written whole or not at all, so an item that was done
-twice was done once. No more items are handed out than keep all workers busy, and what comes back is an account:
-pixels go straight to where they are stored.
+Every worker holds as many processes that do items (see `hands`) as it has threads, warm from their first item on until
+nothing was done for minutes; so an item has its limits there too, and one that ends its process leaves the worker
+alone. Batches of other limits or other times have processes of their own. A worker that dies costs the items it was
+doing, which the scheduler gives to others; outputs are written whole or not at all, so an item that was done twice was
+done once. No more items are handed out than keep all workers busy, and what comes back is an account: pixels go
+straight to where they are stored.
 
 A task of Dask costs its scheduler, its worker and its client some 10 ms together, so a task is as many items as take
 about a second, by what the last ones took, and fewer towards the end, for all workers to end at once. A worker hands
@@ -59,7 +59,8 @@ QUIET = {
 
 
 class Workbench(WorkerPlugin):
-    """Lives on every worker: the processes that do its items, for all batches of these limits and times."""
+    """Lives on every worker: the processes that do its items, for all batches of these limits and times. Those who
+    join late are given the benches of batches that are over, too: a process starts when it is wanted."""
 
     idempotent = True
     """another batch may be at work at it"""
@@ -74,7 +75,6 @@ class Workbench(WorkerPlugin):
     def setup(self, worker: Any) -> None:
         self.check()
         self.hands = Hands(worker.state.nthreads, self._limits, given_by_dask())
-        self.hands.start()
         threading.Thread(target=self._rest, daemon=True).start()
 
     def check(self) -> None:

@@ -36,8 +36,6 @@ class Unusable(Exception):
 class Settled:
     known: times.Known
     digest: str
-    fresh: bool
-    """whether this run settled them"""
 
 
 def settled(path: Path, version: str, *, anew: bool = False) -> Settled:
@@ -46,17 +44,17 @@ def settled(path: Path, version: str, *, anew: bool = False) -> Settled:
     `Unusable`, OSError."""
     said = None if anew else _read(path)
     if said is not None and said["version"] == version:
-        return _settled(said, fresh=False)
+        return _settled(said)
     _write(path, {"version": version, "times": _known()}, replace=anew or said is not None)
     said = _read(path)
     if said is None or said["version"] != version:
         raise Unusable(f"{path} was written by another run of another version")
-    return _settled(said, fresh=True)
+    return _settled(said)
 
 
-def _settled(said: dict[str, Any], *, fresh: bool) -> Settled:
+def _settled(said: dict[str, Any]) -> Settled:
     text = json.dumps(said["times"], sort_keys=True)
-    return Settled(said["times"], hashlib.sha256(text.encode()).hexdigest()[:16], fresh)
+    return Settled(said["times"], hashlib.sha256(text.encode()).hexdigest()[:16])
 
 
 def _read(path: Path) -> dict[str, Any] | None:

@@ -136,12 +136,16 @@ def _run(given: argparse.Namespace) -> int:
         if not (journal.empty or given.overwrite or given.resume or _in_a_job()):
             raise Usage(f"{kept.journal} is there: --resume goes on with it, --overwrite begins anew")
         try:
-            known, mine = _settled(given, kept.times, mine, alone=count == 1, begun=not journal.empty)
+            known, mine = _settled(given, kept.times, mine, alone=count == 1)
         except (Unusable, OSError) as wrong:
             return _fatal(str(wrong))
         if given.overwrite:
             journal.clear()
         entries = journal.entries()
+        anew = sum(item.id in entries and entries[item.id].digest != item.digest for item in mine)
+        if anew:
+            why = f"its line, the engine or what {kept.times} holds was another"
+            print(f"lichen: {anew} of {len(mine)} done anew: {why}", file=sys.stderr)
         todo = [
             (item, entry.attempts if entry else 0)
             for item, entry in remaining(mine, entries, retry_failed=given.retry_failed)
@@ -171,7 +175,7 @@ def _run(given: argparse.Namespace) -> int:
 
 
 def _settled(
-    given: argparse.Namespace, path: Path, items: list[Item], *, alone: bool, begun: bool
+    given: argparse.Namespace, path: Path, items: list[Item], *, alone: bool
 ) -> tuple[Known | None, list[Item]]:
     """By which times methods are chosen, with the items as they are done by these; a service chooses by its own."""
     from lichen_batch.checking import VERSION
@@ -180,8 +184,6 @@ def _settled(
     if given.url is not None:
         return None, items
     found = settled(path, VERSION, anew=given.overwrite and alone and given.times is None)
-    if found.fresh and begun and not given.overwrite:
-        print(f"lichen: {path} was not there or not of this version: all is done anew", file=sys.stderr)
     version = f"{VERSION}+{found.digest}"
     return found.known, [replace(item, digest=item.digested(version)) for item in items]
 
