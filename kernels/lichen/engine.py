@@ -27,7 +27,7 @@ from lichen.memory import Array
 from lichen.opencl.device import Device, default_device, status
 from lichen.opencl.extent import extent as device_extent
 from lichen.operation import Error, Facts
-from lichen.order import BACKENDS, Order, Picture, read_order, read_pipeline_order
+from lichen.order import Order, Picture, read_order, read_pipeline_order
 from lichen.planning.graph import RESULT, Decision, Graph
 from lichen.planning.hidden import thin
 from lichen.planning.pipeline import Pipeline
@@ -325,9 +325,9 @@ def select_device(name: str | None) -> Device | None:
 
     Raises `InvalidRequest` for a name that is none, `DeviceFailure` where OpenCL was named and cannot be had.
     """
-    if name is not None and name not in BACKENDS:
+    if name is not None and name not in times.BACKENDS:
         raise InvalidRequest(
-            "The device is not known.", [Flaw("/device", f"{name!r} is none; {nearest(name, BACKENDS)}")]
+            "The device is not known.", [Flaw("/device", f"{name!r} is none; {nearest(name, times.BACKENDS)}")]
         )
     found = None if name == "numpy" else default_device()
     if found is None and name == "opencl":

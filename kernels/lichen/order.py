@@ -57,7 +57,6 @@ class Wish:
 
 
 RESERVED = tuple(field.name for field in dataclasses.fields(Wish))
-BACKENDS = ("opencl", "numpy")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,13 @@
-"""Kills a batch again and again, resumes it each time, and shows that nothing was lost and nothing was done twice.
+"""Kills batches again and again, resumes them each time, and shows that nothing was lost and nothing was done twice.
 
     .venv/bin/python tests/clients/batch_soak.py --items 500 --kills 100
     .venv/bin/python tests/clients/batch_soak.py --folder soak --seconds 150      again and again, until all is told
 
 Kills are SIGKILL at random moments, to the command or to one of the processes that do its items: three of four while
-items are done, the fourth while the command still starts. At the end every item must have one line in the journal, and
-every output the bytes that a run without kills gives it. A batch in a `--folder` of its own can be left after so many
-seconds and gone on with later.
+items are done, the fourth while the command still starts. Before each run other methods are measured to be the
+quickest on this machine. When a batch has ended, every item must have one line in its journal, and every output the
+bytes that one process makes by what was known when the batch was begun. A batch that ends before all kills were counted
+is followed by another. What lies in a `--folder` of its own can be left after so many seconds and gone on with later.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import argparse
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,10 +28,17 @@ from typing import Any
 
 import numpy as np
 
+from lichen.accuracy import times
+from lichen.catalogue import operation
+from lichen.operation import Rate
 from lichen_client import Client
 
 STARTING = 4.0
 """Seconds in which a command starts, about."""
+STEPS = 2
+"""Operations of an item: a batch has to last for as long as it takes to be killed."""
+TOLD = ("lost", "twice", "failed", "wrong", "leftovers")
+"""What must be nought at the end of every batch."""
 
 
 def main() -> int:
@@ -37,15 +46,14 @@ def main() -> int:
     parser.add_argument("--items", type=int, default=500)
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--folder", help="where the batch lies, to be gone on with (default: a new one)")
+    parser.add_argument("--folder", help="where the batches lie, to be gone on with (default: a new one)")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="to leave it after")
     given = parser.parse_args()
     os.environ.setdefault("LICHEN_DEVICE", "numpy")
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # modules are compiled once, as an installation leaves them
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as compiled:
         os.environ.setdefault("PYTHONPYCACHEPREFIX", compiled)
-        # By the same times everywhere, or processes with other processors may choose other methods.
-        os.environ |= {"LICHEN_TIMES": str(Path(folder) / "times"), "LICHEN_CALIBRATE": "off"}
+        os.environ["LICHEN_TIMES"] = str(Path(folder) / "measured")
         return _soak(Path(given.folder or folder), given)
 
 
@@ -53,32 +61,43 @@ def _soak(folder: Path, given: argparse.Namespace) -> int:
     began = time.monotonic()
     tally = folder / "kills.json"
     if not tally.exists():
-        _manifest(folder, given.items)
-        _keep(tally, {"command": 0, "hand": 0, "seconds": 0.0})
+        folder.mkdir(parents=True, exist_ok=True)
+        _keep(tally, {"command": 0, "hand": 0, "batches": 0, "seconds": 0.0, **dict.fromkeys(TOLD, 0)})
     told = json.loads(tally.read_text())
     before, draws = told["seconds"], random.Random(f"{given.seed} {told}")
-    manifest, out = folder / "items.jsonl", folder / "out"
-    while (killed := told["command"] + told["hand"]) < given.kills:
+    while told["command"] + told["hand"] < given.kills or (folder / "batch").exists():
         if time.monotonic() - began > given.seconds:
-            print(json.dumps({**told, "done": len(_lines(out))}))
+            print(json.dumps({**told, "done": len(_lines(folder / "batch" / "out"))}))
             return 0
-        left = given.items - len(_lines(out))
-        if left <= 2:
-            sys.exit(f"the batch has ended after {killed} kills: more items are wanted")
-        victim = _kill_once(manifest, out, draws, max(1, left // (given.kills - killed)))
-        if victim in told:
-            told[victim] += 1
+        _manifest(folder / "batch", given.items)
+        manifest, out = folder / "batch" / "items.jsonl", folder / "batch" / "out"
+        left, kills = given.items - len(_lines(out)), given.kills - told["command"] - told["hand"]
+        _measure(draws)
+        if left and kills:
+            victim = _kill_once(manifest, out, draws, max(1, 2 * left // kills))
+            if victim in told:
+                told[victim] += 1
+        else:
+            told["failed"] += _start(manifest, out).wait() != 0
+            for name, count in _compare(manifest.parent, out, given.items).items():
+                told[name] += count
+            told["batches"] += 1
+            shutil.rmtree(manifest.parent)
         told["seconds"] = round(before + time.monotonic() - began, 1)
         _keep(tally, told)
-    last = _start(manifest, out)
-    last.wait()
-    wrong = _compare(folder, out, given.items)
-    print(json.dumps({"items": given.items, "kills": told, **wrong, "status": last.returncode}))
-    return 0 if last.returncode == 0 and not any(wrong.values()) else 1
+    print(json.dumps({"items": given.items, **told}))
+    return 1 if any(told[name] for name in TOLD) else 0
 
 
 def _keep(tally: Path, told: dict[str, Any]) -> None:
     tally.write_text(json.dumps(told))
+
+
+def _measure(draws: random.Random) -> None:
+    """Finds how quick methods are, each time otherwise."""
+    for name in ("gaussian", "resize"):
+        rates = {(name, method): Rate(1e-6, 10 ** draws.uniform(-12, -6)) for method in operation(name).methods}
+        times.store("numpy", rates)
 
 
 def _kill_once(manifest: Path, out: Path, draws: random.Random, most: int) -> str:
@@ -87,10 +106,11 @@ def _kill_once(manifest: Path, out: Path, draws: random.Random, most: int) -> st
     if draws.random() < 0.25:
         time.sleep(draws.uniform(0, STARTING))
     else:
+        journal = out / "results.jsonl"
         wanted = len(_lines(out)) + draws.randint(1, most)
-        while process.poll() is None and len(_lines(out)) < wanted:
+        while process.poll() is None and not (journal.exists() and journal.read_bytes().count(b"\n") >= wanted):
             time.sleep(0.002)
-        time.sleep(draws.uniform(0, 0.02))
+        time.sleep(draws.uniform(0, 0.2))
     hands = _children(process.pid)
     victim = "nobody"
     if hands and draws.random() < 0.2:
@@ -104,14 +124,25 @@ def _kill_once(manifest: Path, out: Path, draws: random.Random, most: int) -> st
 
 
 def _manifest(folder: Path, count: int) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
     path = folder / "items.jsonl"
+    if path.exists():
+        return
+    folder.mkdir()
+    for number in range(10):
+        np.save(folder / f"{number}.npy", np.random.default_rng(number).random((240, 320, 3), np.float32))
     lines = []
     for number in range(count):
-        np.save(folder / f"{number}.npy", np.random.default_rng(number).random((40, 60, 3), np.float32))
-        line = {"id": str(number), "operation": "gaussian", "input": f"{number}.npy", "output": f"{number}.tif"}
-        lines.append(json.dumps({**line, "parameters": {"sigma": 1 + number % 7}}))
-    path.write_text("\n".join(lines))
+        line = {"id": str(number), "pipeline": _pipeline(number), "input": f"{number % 10}.npy"}
+        lines.append(json.dumps({**line, "output": f"{number}.tif"}))
+    part = folder / "part"
+    part.write_text("\n".join(lines))
+    part.replace(path)
+
+
+def _pipeline(number: int) -> str:
+    """No two items alike."""
+    soft = [f"gaussian:sigma={1 + (number + step) % 7 + number / 1000}" for step in range(STEPS)]
+    return "|".join([*soft, "resize:width=400,height=300"])
 
 
 def _start(manifest: Path, out: Path) -> subprocess.Popen[bytes]:
@@ -144,11 +175,13 @@ def _compare(folder: Path, out: Path, count: int) -> dict[str, int]:
     """How many items were lost, done twice or failed, how many outputs are wrong, and how many leftovers there are."""
     lines = Counter(line["id"] for line in _lines(out) if line["status"] == "ok")
     wrong = 0
-    with Client(local=True) as client:
+    known = json.loads((out / "times.json").read_text())["times"]
+    with Client(local=True, timeout=1e9) as client, times.held(known):
         for number in range(count):
             path = out / f"{number}.tif"
-            made = client.gaussian(folder / f"{number}.npy", sigma=1 + number % 7, format="tiff").content
-            wrong += not path.exists() or path.read_bytes() != made
+            source = (folder / f"{number % 10}.npy").read_bytes()
+            (made,) = client.run_pipeline(_pipeline(number), source, format="tiff").values()
+            wrong += not path.exists() or path.read_bytes() != made.content
     return {
         "lost": sum(str(number) not in lines for number in range(count)),
         "twice": sum(each > 1 for each in lines.values()),

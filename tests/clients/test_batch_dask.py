@@ -126,8 +126,10 @@ def state_of(service: Service, location: str) -> str:
 
 
 def test_jobs_of_the_service_are_computed_there_bit_for_bit(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
+    """By what the service has measured, and not by what those that compute have."""
+    measured("deriche")
     service = Service(Settings(data=str(tmp_path), jobs=f"dask://{cluster[0]}", cache=0, decoders=1))
     assert service.jobs is not None
     service.jobs.runner.start()
@@ -138,6 +140,7 @@ def test_jobs_of_the_service_are_computed_there_bit_for_bit(
         run, later = "/v1/operations/gaussian?sigma=3&format=png&device=numpy", {"prefer": "respond-async"}
         expected = asked(service, "POST", run, body)
         assert expected.status == 200
+        assert expected.headers["Lichen-Method"].startswith("deriche")
         graph = json.dumps(
             {
                 "pipeline": "gaussian:sigma=3",
@@ -163,18 +166,25 @@ def test_jobs_of_the_service_are_computed_there_bit_for_bit(
 
 
 def test_tiles_are_computed_there_bit_for_bit(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    cluster: tuple[str, list[subprocess.Popen[bytes]]],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    measured: Callable[[str], None],
 ) -> None:
+    """By what this machine has measured, and not by what those that compute have."""
+    measured("fir")
     scene = Image(np.random.default_rng(5).random((600, 530, 3), np.float32), storage=Storage.FLOAT32)
     (tmp_path / "scene.exr").write_bytes(bytes(encode(scene, "exr").data))
-    soft = ["--operation", "gaussian", "--set", "sigma=3", "--set", "method=fir", "--set", "device=numpy"]
+    soft = ["--operation", "gaussian", "--set", "sigma=9", "--set", "device=numpy"]
     for name in ("made.exr", "made.zarr"):
         made = {}
         for place, more in (("here", []), ("there", ["--engine", f"dask://{cluster[0]}"])):
             (tmp_path / place).mkdir(exist_ok=True)
             made[place] = str(tmp_path / place / name)
             assert main(["batch", "tiles", str(tmp_path / "scene.exr"), made[place], *soft, *more]) == 0
-        assert json.loads(capsys.readouterr().out.splitlines()[-1])["shape"] == [600, 530, 3]
+        accounts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+        assert [each["shape"] for each in accounts] == [[600, 530, 3]] * 2
+        assert all("fir; tail" in each["method"] for each in accounts), accounts
         here, there = (rasters.open_raster(each).read(0, 0, 600, 530) for each in made.values())
         np.testing.assert_array_equal(here, there)
 
@@ -212,8 +222,11 @@ def test_a_worker_killed_in_the_middle_costs_nothing(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     forgiving: bool,
+    measured: Callable[[str], None],
 ) -> None:
-    """Also where the scheduler gives up a task whose worker has died: what it held is then asked for item by item."""
+    """Also where the scheduler gives up a task whose worker has died: what it held is then asked for item by item.
+    Workers choose methods by what was known where the batch was begun."""
+    measured("deriche")
     address, workers = cluster
 
     def forgive_nothing(dask_scheduler: Any) -> None:  # in here, for it to be sent as code and not by its name
@@ -246,6 +259,7 @@ def test_a_worker_killed_in_the_middle_costs_nothing(
     assert workers[0].wait(PATIENCE) == -signal.SIGKILL
     lines: list[dict[str, Any]] = [json.loads(line) for line in results.read_text().splitlines()]
     assert len({line["id"] for line in lines}) == len(lines) == COUNT
+    assert {line["method"].partition(";")[0] for line in lines} == {"deriche"}
     with Client(local=True) as local:
         for number in range(0, COUNT, 3):
             expected = local.gaussian(photos / f"{number}.npy", sigma=3, device="numpy").content

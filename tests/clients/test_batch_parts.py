@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import signal
 import zipfile
-from concurrent.futures import Future
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from threading import Barrier
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from lichen_batch.item import Item, Outcome, Problem, failure
 from lichen_batch.journal import Journal, JournalError, remaining
 from lichen_batch.manifest import Defaults, InvalidManifest
 from lichen_batch.run import Rules, Stop, run
+from lichen_batch.settled import Unusable, settled
 from lichen_batch.summary import Account, distribution
 
 
@@ -117,9 +120,9 @@ def test_every_flaw_of_every_line_is_found_at_once(photos: Path) -> None:
     )
     assert flaws_of(source) == {
         (2, "/id"),
-        (3, "/outputs/"),
+        (3, "/output"),
         (4, "/parameters/sigma"),
-        (4, "/query/sgima"),
+        (4, "/parameters/sgima"),
         (4, "/outputs/result"),
         (5, "/colour"),
         (6, "/operation"),
@@ -128,7 +131,7 @@ def test_every_flaw_of_every_line_is_found_at_once(photos: Path) -> None:
         (9, "/operation"),
         (10, "/nodes/gaussian/parameters/sigma"),
         (10, "/nodes/blur/operation"),
-        (11, "/query/explain"),
+        (11, "/parameters/explain"),
         (11, "/inputs/image"),
         (11, "/outputs/result"),
         (12, ""),
@@ -141,7 +144,7 @@ def test_every_flaw_of_every_line_is_found_at_once(photos: Path) -> None:
     ("defaults", "pointer"),
     [
         (Defaults(operation="gaussian", output="{nonsense}.png"), "/output"),
-        (Defaults(operation="gaussian", output="same.png"), "/outputs/"),
+        (Defaults(operation="gaussian", output="same.png"), "/output"),
         (Defaults(), "/operation"),
     ],
 )
@@ -432,3 +435,42 @@ def test_a_distribution_is_of_the_values_themselves() -> None:
     assert distribution([]) is None
     found = distribution([float(value) for value in range(100, 0, -1)])
     assert found == {"count": 100, "mean": 50.5, "p50": 51.0, "p90": 91.0, "p99": 100.0, "max": 100.0}
+
+
+# ------------------------------------------------------------------------------------------------------ settled times
+
+
+def test_times_are_settled_once_and_anew_for_another_version(tmp_path: Path, measured: Callable[[str], None]) -> None:
+    path = tmp_path / "times.json"
+    measured("deriche")
+    first = settled(path, "1")
+    measured("fir")
+    again = settled(path, "1")
+    assert (again.known, again.digest) == (first.known, first.digest)
+    other = settled(path, "2")
+    assert other.digest != first.digest
+    assert settled(path, "2", anew=True).digest == other.digest, "nothing was measured meanwhile"
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+def test_of_runs_that_begin_at_once_all_take_what_one_has_settled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, numbers = tmp_path / "times.json", iter(range(1, 100))
+    together = Barrier(4)
+
+    def known() -> dict[str, list[Any]]:
+        together.wait()
+        return {"numpy": [["gaussian", "fir", 0.0, next(numbers), {}]]}
+
+    monkeypatch.setattr("lichen_batch.settled._known", known)
+    with ThreadPoolExecutor(4) as pool:
+        assert len({each.digest for each in pool.map(lambda _: settled(path, "1"), range(4))}) == 1
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"version": "1"}', '{"version": "1", "times": {"numpy": [["a"]]}}'])
+def test_times_that_make_no_sense_are_told(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "times.json"
+    path.write_text(text)
+    with pytest.raises(Unusable, match="holds no times"):
+        settled(path, "1")

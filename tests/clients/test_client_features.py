@@ -24,6 +24,7 @@ from lichen_client import (
     Asset,
     AsyncClient,
     Client,
+    ConnectionFailed,
     Dismissed,
     NotFound,
     Pipeline,
@@ -269,7 +270,7 @@ def test_a_raw_answer_is_what_came_refusals_too(server: Any, answer: Any) -> Non
             return [
                 await each
                 for each in (
-                    raw.run("gaussian", b"x", sigma=1),
+                    raw.gaussian(b"x", sigma=1),
                     raw.run_pipeline("levels", b"x"),
                     raw.render({"a": 1}),
                     raw.get("v1", "limits"),
@@ -285,6 +286,44 @@ def test_a_raw_answer_is_what_came_refusals_too(server: Any, answer: Any) -> Non
     targets = [each.target for each in server.received]
     assert targets[:4] == targets[4:]
     assert {each.headers["authorization"] for each in server.received} == {"Bearer secret"}
+
+
+def test_a_streamed_answer_is_read_piece_by_piece(server: Any, answer: Any, tmp_path: Path) -> None:
+    """What may pass is tried again before anything is handed out, a refusal is raised, and half a body is none."""
+    body = bytes(range(256)) * 1000
+    whole = [answer(503, [("Retry-After", "0")], b"busy"), answer(200, [("X-A", "b")], body)]
+    server.script = [*whole, answer(422, body=b"no"), answer(200, body=body, cut=70_000)] * 2
+
+    async def awaited() -> None:
+        async with AsyncClient(server.url) as client:
+            asked = client.with_streaming_response
+            async with asked.gaussian(b"x", sigma=1) as stream:
+                assert (stream.status, stream.headers["x-a"]) == (200, "b")
+                assert b"".join([piece async for piece in stream]) == body
+            with pytest.raises(Unprocessable):
+                async with asked.gaussian(b"x", sigma=1):
+                    pass
+            async with asked.gaussian(b"x", sigma=1) as stream:
+                with pytest.raises(ConnectionFailed):
+                    await stream.save(tmp_path / "there")
+
+    with Client(server.url) as client:
+        asked = client.with_streaming_response
+        with asked.gaussian(b"x", sigma=1) as stream:
+            assert (stream.status, stream.headers["x-a"]) == (200, "b")
+            stream.save(tmp_path / "here")
+        assert (tmp_path / "here").read_bytes() == body
+        with pytest.raises(Unprocessable), asked.gaussian(b"x", sigma=1):
+            pass
+        with asked.gaussian(b"x", sigma=1) as stream, pytest.raises(ConnectionFailed):
+            stream.save(tmp_path / "there")
+    asyncio.run(awaited())
+    assert [each.name for each in tmp_path.iterdir()] == ["here"]
+
+
+def test_the_engine_here_streams_too(local: Client, image: np.ndarray) -> None:
+    with local.with_streaming_response.gaussian(image, sigma=1, format="npy") as stream:
+        assert b"".join(stream) == bytes(local.gaussian(image, sigma=1, format="npy").content)
 
 
 # ------------------------------------------------------------------------------------------------------------ the jobs

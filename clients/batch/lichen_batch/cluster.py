@@ -1,10 +1,11 @@
 """Items on the workers of a Dask cluster: one that is there, or one of this machine's processes.
 
-Every worker holds as many processes that do items (see `hands`) as it has threads, warm from the moment it joins; so an
-item has its limits there too, and one that ends its process does not end the worker. A worker that dies costs the items
-it was doing, which the scheduler gives to others; outputs are written whole or not at all, so an item that was done
-twice was done once. No more items are handed out than keep all workers busy, and what comes back is an account:
-pixels go straight to where they are stored.
+Every worker holds as many processes that do items (see `hands`) as it has threads, warm from their first item on until
+nothing was done for minutes; so an item has its limits there too, and one that ends its process leaves the worker
+alone. Batches of other limits or other times have processes of their own. A worker that dies costs the items it was
+doing, which the scheduler gives to others; outputs are written whole or not at all, so an item that was done twice was
+done once. No more items are handed out than keep all workers busy, and what comes back is an account: pixels go
+straight to where they are stored.
 
 A task of Dask costs its scheduler, its worker and its client some 10 ms together, so a task is as many items as take
 about a second, by what the last ones took, and fewer towards the end, for all workers to end at once. A worker hands
@@ -16,6 +17,7 @@ The scheduler and its workers need this package installed, in the same version.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import threading
 import time
@@ -33,8 +35,8 @@ from distributed.scheduler import KilledWorker
 from lichen_batch.checking import VERSION
 from lichen_batch.hands import Hands, Limits
 from lichen_batch.item import Item, Outcome, Problem, failure
+from lichen_batch.places import absolute
 
-NAME = "lichen-hands"
 AHEAD = 2
 """Tasks for each thread of the cluster: the one at work, and one that waits for it."""
 LASTING = 1.0
@@ -45,6 +47,8 @@ SHARE = 10
 """The last tasks are of no fewer items than this share of a usual one."""
 WAITING = 60.0
 """Seconds until a cluster without a worker is given up."""
+RESTING = 300.0
+"""Seconds without an item after which a worker's processes end; the next item starts them again."""
 
 QUIET = {
     "distributed.worker.profile.enabled": False,
@@ -55,24 +59,44 @@ QUIET = {
 
 
 class Workbench(WorkerPlugin):
-    """Lives on every worker: the processes that do its items."""
+    """Lives on every worker: the processes that do its items, for all batches of these limits and times. Those who
+    join late are given the benches of batches that are over, too: a process starts when it is wanted."""
 
-    name = NAME
+    idempotent = True
+    """another batch may be at work at it"""
 
     def __init__(self, limits: Limits, version: str) -> None:
+        self.name = f"lichen-hands-{hashlib.sha256(repr((limits, version)).encode()).hexdigest()[:16]}"
         self._limits = limits
         self._version = version
         self.hands: Hands | None = None
+        self._over = threading.Event()
 
     def setup(self, worker: Any) -> None:
+        self.check()
+        self.hands = Hands(worker.state.nthreads, self._limits, given_by_dask())
+        threading.Thread(target=self._rest, daemon=True).start()
+
+    def check(self) -> None:
         if self._version != VERSION:
             raise RuntimeError(f"the worker has version {VERSION} of the engine, the batch {self._version}")
-        self.hands = Hands(worker.state.nthreads, self._limits, given_by_dask())
-        self.hands.start()
+
+    def _rest(self) -> None:
+        while not self._over.wait(RESTING / 4):
+            assert self.hands is not None
+            self.hands.rest(RESTING)
 
     def teardown(self, worker: Any) -> None:
+        self._over.set()
         if self.hands is not None:
             self.hands.end()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """It travels before it is set up."""
+        return {"name": self.name, "_limits": self._limits, "_version": self._version, "hands": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _over=threading.Event())
 
 
 def given_by_dask() -> set[str]:
@@ -82,16 +106,23 @@ def given_by_dask() -> set[str]:
     return {name for name, value in given.items() if os.environ.get(name) == str(value)}
 
 
-def do(said: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The first of these items, as many as are begun in time, on a worker."""
-    bench = get_worker().plugins[NAME]
+def do(name: str, said: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The first of these items, as many as are begun in time, on a worker, at the bench of this name."""
+    bench = get_worker().plugins[name]
     assert isinstance(bench, Workbench)
+    bench.check()
     assert bench.hands is not None
     items = iter([Item.from_json(each) for each in said])
     with bench.hands.one() as hand:
         until = time.monotonic() + 2 * LASTING
         done = hand.each(next(items), lambda: next(items, None) if time.monotonic() < until else None)
         return [outcome.to_json() for _, outcome in done]
+
+
+def _seen_from_elsewhere(item: Item) -> Item:
+    """The item for a process in another folder."""
+    inputs, outputs = ({name: absolute(place) for name, place in each.items()} for each in (item.inputs, item.outputs))
+    return replace(item, inputs=inputs, outputs=outputs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +163,9 @@ class DaskEngine:
                     memory_limit=None,  # items have limits of their own; Dask would end workers for what others hold
                 )
         self._client = Client(self._cluster or f"tcp://{address}", timeout=WAITING, set_as_default=False)
-        self._client.register_plugin(Workbench(limits, VERSION))
+        bench = Workbench(limits, VERSION)
+        self._client.register_plugin(bench)
+        self._bench = bench.name
         self._client.wait_for_workers(1, timeout=WAITING)
         self.name = f"Dask at {self._client.scheduler_info()['address']}"
         self._threads, self._looked = 1, float("-inf")
@@ -141,7 +174,8 @@ class DaskEngine:
         """tasks"""
         self._seconds = LASTING
         """that an item takes, about"""
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
+        """held again by who is answered: that may hand in the next item"""
 
     @property
     def capacity(self) -> int:
@@ -168,9 +202,9 @@ class DaskEngine:
         """Gives tasks to the cluster while it has too few. The lock is held."""
         while self._at_work < AHEAD * self._threads and (asked := self._next()):
             self._at_work += 1
-            said = [each.item.to_json() for each in asked]
+            said = [_seen_from_elsewhere(each.item).to_json() for each in asked]
             try:
-                sent = self._client.submit(do, said, key=f"lichen-{token_hex(8)}", pure=False)
+                sent = self._client.submit(do, self._bench, said, key=f"lichen-{token_hex(8)}", pure=False)
             except Exception as wrong:
                 self._at_work -= 1
                 _lost(asked, wrong)

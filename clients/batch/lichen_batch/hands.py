@@ -24,6 +24,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
+from lichen.accuracy.times import Known
 from lichen.processors import LIMIT
 from lichen_batch.item import Item, Outcome, Problem, failure
 
@@ -38,13 +39,15 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What one item may take."""
+    """What one item may take, and by which times its methods are chosen."""
 
     seconds: float | None = None
     memory: int | None = None
     """bytes that the process doing it may hold"""
     threads: int = 1
     """that kernels and codecs run on"""
+    times: Known | None = None
+    """None: those that the process doing it knows"""
 
 
 class Ended(Exception):
@@ -66,6 +69,8 @@ class Hand:
         """items it was handed and has not answered"""
         self._closed = False
         self._lock = threading.RLock()
+        self.used = time.monotonic()
+        """when it was last at work"""
 
     def do(self, item: Item) -> Outcome:
         """The outcome of an item, whatever becomes of the process."""
@@ -96,7 +101,7 @@ class Hand:
                 process.stdin.write(json.dumps(todo[self._given].to_json(), separators=(",", ":")).encode() + b"\n")
                 self._given += 1
             process.stdin.flush()
-            outcome = Outcome.from_json(json.loads(self._line(self._limits.seconds, self._limits.memory)))
+            outcome = Outcome.from_line(self._line(self._limits.seconds, self._limits.memory))
             self._given -= 1
             return outcome
         except TimeoutError:
@@ -139,7 +144,8 @@ class Hand:
             os.close(handle)
         self._said.clear()
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps({"memory": self._limits.memory}).encode() + b"\n")
+        told = {"memory": self._limits.memory, "times": self._limits.times}
+        self._process.stdin.write(json.dumps(told).encode() + b"\n")
         self._process.stdin.flush()
 
     def _ready(self) -> subprocess.Popen[bytes]:
@@ -246,7 +252,17 @@ class Hands:
         try:
             yield hand
         finally:
+            hand.used = time.monotonic()
             self._free.put(hand)
+
+    def rest(self, seconds: float) -> None:
+        """Ends the processes of those that have done nothing for so long."""
+        for _ in self._all:
+            with contextlib.suppress(queue.Empty):
+                hand = self._free.get_nowait()
+                if time.monotonic() - hand.used > seconds:
+                    hand.end()
+                self._free.put(hand)
 
     def close(self) -> None:
         """Kills all processes: whoever waits for one gets an answer, and none is started any more."""

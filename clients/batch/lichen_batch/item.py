@@ -31,7 +31,7 @@ class Item:
     scene: Mapping[str, Any] | None = None
 
     def to_json(self) -> dict[str, Any]:
-        return {each.name: getattr(self, each.name) for each in fields(self)}
+        return {name: getattr(self, name) for name in self.__slots__}
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Item:
@@ -75,6 +75,8 @@ class Outcome:
     problem: Problem | None = None
     peak_bytes: int = 0
     """memory its process held at most"""
+    line: bytes = field(default=b"", compare=False, repr=False)
+    """the JSON it was read from, where it was"""
 
     @property
     def ok(self) -> bool:
@@ -87,17 +89,28 @@ class Outcome:
 
     def to_json(self) -> dict[str, Any]:
         """Without what is empty."""
-        said = {each.name: getattr(self, each.name) for each in fields(self)}
+        said = {name: value for name in _TOLD if (value := getattr(self, name)) or isinstance(value, float)}
         if self.problem is not None:
             said["problem"] = asdict(self.problem)
-        return {name: value for name, value in said.items() if value not in (None, "", {}, 0)}
+        return said
+
+    def to_line(self) -> bytes:
+        """The same as text, in one line without its end."""
+        return self.line or json.dumps(self.to_json(), separators=(",", ":")).encode()
 
     @classmethod
-    def from_json(cls, value: Mapping[str, Any]) -> Outcome:
+    def from_json(cls, value: Mapping[str, Any], line: bytes = b"") -> Outcome:
         problem = value.get("problem")
         if problem is not None:
             value = {**value, "problem": Problem(**{**problem, "errors": tuple(problem.get("errors", ()))})}
-        return cls(**{"digest": "", "seconds": {}, **value})
+        return cls(**{"digest": "", "seconds": {}, **value}, line=line)
+
+    @classmethod
+    def from_line(cls, line: bytes) -> Outcome:
+        return cls.from_json(json.loads(line), line)
+
+
+_TOLD = tuple(each.name for each in fields(Outcome) if each.name != "line")
 
 
 def failure(item: Item, problem: Problem, seconds: Mapping[str, float] | None = None, peak: int = 0) -> Outcome:

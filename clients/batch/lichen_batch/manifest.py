@@ -53,7 +53,8 @@ class LineFlaw:
     detail: str
 
     def __str__(self) -> str:
-        return f"line {self.line}{f' ({self.id})' if self.id else ''} {self.pointer}: {self.detail}"
+        where = (f"line {self.line}", f"({self.id})" if self.id else "", self.pointer)
+        return f"{' '.join(each for each in where if each)}: {self.detail}"
 
 
 class InvalidManifest(Exception):
@@ -78,12 +79,22 @@ def load(source: str, defaults: Defaults, out: str) -> list[Item]:
     for number, line in lines:
         reader = _Reader(number, line, defaults, folder, out)
         checked = reader.read()
-        found = [*reader.flaws, *(LineFlaw(number, reader.id, each.pointer, each.detail) for each in checked.flaws)]
+        found = [
+            *reader.flaws,
+            *(LineFlaw(number, reader.id, _here(each.pointer), each.detail) for each in checked.flaws),
+        ]
         if reader.id and (first := ids.setdefault(reader.id, number)) != number:
             found.append(LineFlaw(number, reader.id, "/id", f"stands on line {first}, too"))
         for name, place in reader.outputs.items():
             if (before := targets.setdefault(place, number)) != number:
-                found.append(LineFlaw(number, reader.id, f"/outputs/{name}", f"line {before} writes {place}, too"))
+                found.append(
+                    LineFlaw(
+                        number,
+                        reader.id,
+                        f"/outputs/{name}" if name else "/output",
+                        f"line {before} writes {place}, too",
+                    )
+                )
         flaws += found
         if not found and checked.item is not None:
             items.append(checked.item)
@@ -93,6 +104,11 @@ def load(source: str, defaults: Defaults, out: str) -> list[Item]:
     if not items:
         raise InvalidManifest(f"{source} names no item.")
     return items
+
+
+def _here(pointer: str) -> str:
+    """Where a line says what a query does."""
+    return pointer.replace("/query/", "/parameters/", 1)
 
 
 def _folder(source: str) -> str:

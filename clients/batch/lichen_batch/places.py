@@ -34,6 +34,11 @@ def resolved(place: str, base: str) -> str:
     return f"{base.rstrip('/')}/{place}" if base else place
 
 
+def absolute(place: str) -> str:
+    """A place as other processes see it."""
+    return place if "://" in place else os.path.abspath(place)
+
+
 def suffix_of(place: str) -> str:
     """The ending of its name, lower-case: ".png"."""
     name = place.partition("::")[0].partition("?")[0].rpartition("/")[2]

@@ -7,6 +7,7 @@ be coverage. A Zarr array of shape (height, width) or (height, width, channels) 
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -117,7 +118,8 @@ def _open_zarr(path: str, space: Space | None) -> Raster:
     try:
         array = zarr.open_array(path, mode="r")
     except Exception as wrong:  # Zarr's errors are as many as its stores
-        raise UnsupportedFormat(f"{path} is neither a TIFF nor a Zarr array: {wrong}") from None
+        why = "" if os.path.isfile(path) else f" ({wrong})"
+        raise UnsupportedFormat(f"{path} is none of TIFF, OpenEXR and Zarr, from which tiles are read{why}.") from None
     if len(array.shape) not in (2, 3):
         raise UnsupportedFormat(f"{path} has {len(array.shape)} dimensions; an image has (height, width[, channels]).")
     said: dict[str, Any] = dict(array.attrs)

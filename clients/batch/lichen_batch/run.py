@@ -7,8 +7,8 @@ down is done by the next run.
 
 from __future__ import annotations
 
-import queue
 import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -86,43 +86,109 @@ def run(
 
     `total` is how many items the batch has in all, `failed_before` how many of the others count as failures.
     """
-    waiting = deque(_Try(item, earlier) for item, earlier in todo)
-    flying: dict[Future[Outcome], _Try] = {}
-    landed: queue.SimpleQueue[Future[Outcome]] = queue.SimpleQueue()
-    failed = failed_before
-    until: float | None = None
-    while (waiting and not stop) or flying:
-        if stop and until is None:
-            until = time.monotonic() + rules.grace
-            for future in list(flying):
-                if future.cancel():
-                    waiting.append(flying.pop(future))
-        if stop and (stop.at_once or (until is not None and time.monotonic() > until)):
-            break
-        while waiting and not stop and len(flying) < engine.capacity:
-            each = waiting.popleft()
-            each.tries += 1
-            future = engine.submit(each.item)
-            flying[future] = each
-            future.add_done_callback(landed.put)
+    tries = deque(_Try(item, earlier) for item, earlier in todo)
+    return _Loop(tries, total, engine, journal, rules, stop, tell, failed_before).run()
+
+
+@dataclass(eq=False)
+class _Loop:
+    """Outcomes are written down, and further items handed out, by whichever thread brings an outcome: to wake another
+    one for it would take the processors from items. One thread at a time does so, and also what others bring then."""
+
+    waiting: deque[_Try]
+    total: int
+    engine: Engine
+    journal: Journal
+    rules: Rules
+    stop: Stop
+    tell: Callable[[Outcome], None]
+    failed: int
+
+    def __post_init__(self) -> None:
+        self._flying: dict[Future[Outcome], _Try] = {}
+        self._landed: deque[Future[Outcome]] = deque()
+        self._turns = threading.Lock()
+        """held by the thread whose turn it is"""
+        self._over = False
+        self._look = threading.Event()
+        """that there is something for the loop to see"""
+        self._wrong: BaseException | None = None
+
+    def run(self) -> int:
+        until: float | None = None
+        self._turn()
         try:
-            done = landed.get(timeout=LOOK)
-        except queue.Empty:
-            continue
-        if done not in flying:  # cancelled
-            continue
-        each = flying.pop(done)
+            while self._going():
+                if self.stop and until is None:
+                    until = time.monotonic() + self.rules.grace
+                    self._withdraw()
+                if self.stop and (self.stop.at_once or (until is not None and time.monotonic() > until)):
+                    break
+                self._look.wait(LOOK)
+                self._look.clear()
+        finally:
+            with self._turns:
+                self._over = True
+        if self._wrong is not None:
+            raise self._wrong
+        return len(self.waiting) + len(self._flying)
+
+    def _going(self) -> bool:
+        with self._turns:
+            return self._wrong is None and bool(self._flying or (self.waiting and not self.stop))
+
+    def _turn(self) -> None:
+        """Sees to all that has landed, and to what shall fly, unless another thread does: it will look again."""
+        while self._turns.acquire(blocking=False):
+            try:
+                if self._over or self._wrong is not None:
+                    return
+                while self._landed:
+                    self._settle(self._landed.popleft())
+                self._hand_out()
+            except BaseException as wrong:  # for the thread that waits for the end
+                self._wrong = wrong
+            finally:
+                self._turns.release()
+            if not self._flying or self.stop or self._wrong is not None:
+                self._look.set()
+            if not self._landed:
+                return
+
+    def _hand_out(self) -> None:
+        while self.waiting and not self.stop and len(self._flying) < self.engine.capacity:
+            each = self.waiting.popleft()
+            each.tries += 1
+            future = self.engine.submit(each.item)
+            self._flying[future] = each
+            future.add_done_callback(self._land)
+
+    def _land(self, done: Future[Outcome]) -> None:
+        self._landed.append(done)
+        self._turn()
+
+    def _withdraw(self) -> None:
+        """Takes back what was not begun."""
+        with self._turns:
+            for future in list(self._flying):
+                if future.cancel():
+                    self.waiting.append(self._flying.pop(future))
+        self._turn()
+
+    def _settle(self, done: Future[Outcome]) -> None:
+        if done not in self._flying:  # withdrawn
+            return
+        each = self._flying.pop(done)
         outcome = _outcome(done, each.item)
-        again = outcome.problem is not None and outcome.problem.retryable and each.tries < rules.attempts
-        if again and not stop:
-            waiting.append(each)
-            continue
-        journal.add(outcome, each.earlier + each.tries)
-        tell(outcome)
-        failed += not outcome.ok
-        if rules.max_failure_rate is not None and failed > rules.max_failure_rate * total:
-            stop.failing = True
-    return len(waiting) + len(flying)
+        again = outcome.problem is not None and outcome.problem.retryable and each.tries < self.rules.attempts
+        if again and not self.stop:
+            self.waiting.append(each)
+            return
+        self.journal.add(outcome, each.earlier + each.tries)
+        self.tell(outcome)
+        self.failed += not outcome.ok
+        if self.rules.max_failure_rate is not None and self.failed > self.rules.max_failure_rate * self.total:
+            self.stop.failing = True
 
 
 def _outcome(done: Future[Outcome], item: Item) -> Outcome:

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -31,6 +30,7 @@ from typing import Any
 import numpy as np
 
 from lichen import engine
+from lichen.accuracy import times
 from lichen.engine import Prepared
 from lichen.errors import Flaw, InvalidRequest
 from lichen.files.samples import to_floats, to_storage
@@ -40,7 +40,7 @@ from lichen.operation import Facts
 from lichen.planning.graph import Graph, inputs_of
 from lichen.planning.memory import peak_bytes
 from lichen.planning.plan import Plan
-from lichen_batch import rasters
+from lichen_batch import places, rasters
 from lichen_batch.rasters import Raster
 from lichen_batch.told import Told
 
@@ -63,6 +63,8 @@ class Task:
     wishes: tuple[tuple[str, Any], ...]
     extents: tuple[tuple[str, Extent], ...]
     spaces: tuple[tuple[str, Space], ...] = ()
+    times: str = "{}"
+    """by which methods are chosen, as JSON: every process makes the same plan"""
 
 
 @dataclass(frozen=True)
@@ -80,8 +82,8 @@ class Layout:
 
     def start(self, row: int, column: int) -> tuple[int, int]:
         """Top and left of what a tile reads."""
-        places = zip((row, column), self.tile, self.reach, self.read, self.shape[:2], strict=True)
-        return tuple(max(0, min(at * t - r, s - size)) for at, t, r, size, s in places)  # type: ignore[return-value]
+        both = zip((row, column), self.tile, self.reach, self.read, self.shape[:2], strict=True)
+        return tuple(max(0, min(at * t - r, s - size)) for at, t, r, size, s in both)  # type: ignore[return-value]
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +182,8 @@ def _planned(task: Task) -> Planned:
     spaces = dict(task.spaces)
     sources = {name: rasters.open_raster(place, space=spaces.get(name)) for name, place in task.inputs}
     images = {name: _stand_in(raster, dict(task.extents)[name]) for name, raster in sources.items()}
-    return Planned(sources, engine.prepare_pipeline(json.loads(task.pipeline), images=images, **dict(task.wishes)))
+    with times.held(json.loads(task.times)):
+        return Planned(sources, engine.prepare_pipeline(json.loads(task.pipeline), images=images, **dict(task.wishes)))
 
 
 _lock = threading.Lock()
@@ -281,8 +284,8 @@ def run(
     """
     import dask.array as da
 
-    inputs = {name: _absolute(place) for name, place in inputs.items()}
-    output = _absolute(output)
+    inputs = {name: places.absolute(place) for name, place in inputs.items()}
+    output = places.absolute(output)
 
     raster = {name: rasters.open_raster(place) for name, place in inputs.items()}
     kept = storage or next(iter(raster.values())).storage
@@ -290,9 +293,11 @@ def run(
     said = json.dumps(pipeline), tuple(inputs.items()), tuple(wanted.items())
     with _scheduler(engine, workers) as hands:
         workers = hands.threads
-        planned(Task(*said, tuple((name, Extent(0.0, 1.0, 0)) for name in inputs))).reach  # noqa: B018  (refused early)
+        known = json.dumps(times.known())
+        early = Task(*said, tuple((name, Extent(0.0, 1.0, 0)) for name in inputs), times=known)
+        planned(early).reach  # noqa: B018  (refused early)
         side = min(LARGEST, max(SMALLEST, int(((memory - FIXED) / (workers + 1) / 40) ** 0.5) // 256 * 256))
-        task = Task(*said, tuple((name, extent_of(place, side)) for name, place in inputs.items()))
+        task = Task(*said, tuple((name, extent_of(place, side)) for name, place in inputs.items()), times=known)
         made = planned(task)
         if len(made.plan.graph.outputs) != 1:
             raise InvalidRequest("Tiles make one picture.", [Flaw("/outputs", "are several")])
@@ -379,11 +384,6 @@ def _scheduler(engine: str, workers: int) -> Iterator[_Hands]:
         threads = list(client.nthreads().values())
         with client.as_current(), dask.config.set(scheduler=client):
             yield _Hands(max(threads), client, 2 * sum(threads))
-
-
-def _absolute(place: str) -> str:
-    """A place as other processes see it."""
-    return place if "://" in place else os.path.abspath(place)
 
 
 def _rounded(length: int) -> int:

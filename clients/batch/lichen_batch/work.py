@@ -51,7 +51,7 @@ def perform(client: Client, item: Item) -> Outcome:
         item.id,
         item.digest,
         OK,
-        {**seconds, **{f"ask.{name}": taken for name, taken in report.timing.items() if "." not in name}},
+        {**seconds, **{f"ask.{name}": round(taken, 6) for name, taken in report.timing.items() if "." not in name}},
         report.method,
         report.device,
         None if report.error is None else report.error.value,

@@ -1,9 +1,9 @@
 """`lichen batch run MANIFEST --out FOLDER`: many images by one command, each done once, whatever happens in between.
 
 The manifest is checked whole before anything starts. Progress goes to standard error where that is a terminal, the
-summary to standard output as JSON. Statuses: 0 all done; 2 some failed; 3 the manifest or the command is not valid, or
-the run could not go on; 130 and 143 after SIGINT and SIGTERM. Under a Kubernetes Indexed Job, 42 says that trying
-this index again cannot help.
+summary to standard output as JSON, or in words to a terminal. Statuses: 0 all done; 2 some failed; 3 the manifest or
+the command is not valid, or the run could not go on; 130 and 143 after SIGINT and SIGTERM. Under a Kubernetes Indexed
+Job, 42 says that trying this index again cannot help.
 
 `lichen batch tiles IN OUT` computes one image that is larger than memory.
 """
@@ -15,14 +15,16 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lichen_cli.main import Parser, Usage
 
 if TYPE_CHECKING:
+    from lichen.accuracy.times import Known
     from lichen_batch.engines import Engine
+    from lichen_batch.item import Item
     from lichen_batch.manifest import Defaults
 
 SOME_FAILED, FATAL, HOPELESS = 2, 3, 42
@@ -80,9 +82,10 @@ def _parser() -> Parser:
     again.add_argument("--resume", action="store_true", help="go on where an earlier run of this journal ended")
     again.add_argument("--retry-failed", action="store_true", help="resume, and try what failed once more")
     again.add_argument("--overwrite", action="store_true", help="forget the journal and do everything anew")
-    again.add_argument(
-        "--attempts", type=_count, default=2, metavar="N", help="of one item, where another may help (2)"
-    )
+    chosen = "by which methods are chosen; written by the first run (default: times.json beside the journal)"
+    again.add_argument("--times", metavar="FILE", help=chosen)
+    tries = "of one item, where another may help (2)"
+    again.add_argument("--attempts", type=_count, default=2, metavar="N", help=tries)
     limit = parser.add_argument_group("limits")
     limit.add_argument("--item-seconds", type=_seconds, default=600.0, metavar="S", help="of one item (600)")
     limit.add_argument("--item-memory", type=_bytes, metavar="SIZE", help="of the process doing it, such as 2GiB")
@@ -92,6 +95,9 @@ def _parser() -> Parser:
     add("--shard", type=_shard, metavar="I/N", help=share)
     add("--check", action="store_true", help="check the manifest and do nothing")
     add("--quiet", action="store_true", help="no progress")
+    add(
+        "--json", action="store_true", help="print the summary as JSON on a terminal, too; it is in summary.json anyway"
+    )
     return parser
 
 
@@ -99,12 +105,14 @@ def _parser() -> Parser:
 class _Kept:
     journal: Path
     summary: Path
+    times: Path
 
 
 def _run(given: argparse.Namespace) -> int:
     from lichen_batch import manifest, places
     from lichen_batch.journal import Journal, JournalError, remaining
     from lichen_batch.run import Rules, Stop, run
+    from lichen_batch.settled import Unusable
     from lichen_batch.summary import Account
 
     index, count = given.shard or _indexed()
@@ -125,11 +133,19 @@ def _run(given: argparse.Namespace) -> int:
     except (JournalError, OSError) as wrong:
         return _fatal(str(wrong))
     with journal:
+        if not (journal.empty or given.overwrite or given.resume or _in_a_job()):
+            raise Usage(f"{kept.journal} is there: --resume goes on with it, --overwrite begins anew")
+        try:
+            known, mine = _settled(given, kept.times, mine, alone=count == 1)
+        except (Unusable, OSError) as wrong:
+            return _fatal(str(wrong))
         if given.overwrite:
             journal.clear()
-        elif not journal.empty and not given.resume and not _in_a_job():
-            raise Usage(f"{kept.journal} is there: --resume goes on with it, --overwrite begins anew")
         entries = journal.entries()
+        anew = sum(item.id in entries and entries[item.id].digest != item.digest for item in mine)
+        if anew:
+            why = f"its line, the engine or what {kept.times} holds was another"
+            print(f"lichen: {anew} of {len(mine)} done anew: {why}", file=sys.stderr)
         todo = [
             (item, entry.attempts if entry else 0)
             for item, entry in remaining(mine, entries, retry_failed=given.retry_failed)
@@ -142,7 +158,7 @@ def _run(given: argparse.Namespace) -> int:
         left = 0
         if todo:
             with stop.listening():
-                engine = _engine(given)
+                engine = _engine(given, known)
                 name = engine.name
                 try:
                     with _progress(given.quiet, len(mine), len(left_out), account) as tell:
@@ -151,11 +167,25 @@ def _run(given: argparse.Namespace) -> int:
                 finally:
                     engine.end()
         if not left:
-            places.sweep(place for item in mine for place in item.outputs.values())
+            places.sweep([str(kept.times), *(place for item in mine for place in item.outputs.values())])
     status = _status(account, stop)
     summary = account.to_json(left, _why(stop), **_of(given, name, index, count), status=status)
-    _tell(summary, kept.summary, account)
+    _tell(summary, kept.summary, as_json=given.json)
     return status
+
+
+def _settled(
+    given: argparse.Namespace, path: Path, items: list[Item], *, alone: bool
+) -> tuple[Known | None, list[Item]]:
+    """By which times methods are chosen, with the items as they are done by these; a service chooses by its own."""
+    from lichen_batch.checking import VERSION
+    from lichen_batch.settled import settled
+
+    if given.url is not None:
+        return None, items
+    found = settled(path, VERSION, anew=given.overwrite and alone and given.times is None)
+    version = f"{VERSION}+{found.digest}"
+    return found.known, [replace(item, digest=item.digested(version)) for item in items]
 
 
 def _of(given: argparse.Namespace, engine: str, index: int, count: int) -> dict[str, Any]:
@@ -188,20 +218,25 @@ def _kept(given: argparse.Namespace, index: int, count: int) -> _Kept:
     if given.results is None and folder is None:
         raise Usage(f"{given.out} is not on this machine: name a journal that is, with --results FILE")
     journal = Path(given.results) if given.results else (folder or Path()) / f"results{share}.jsonl"
+    name = journal.name.removesuffix(".jsonl")
+    times = f"{name}.times.json" if given.results else "times.json"  # shards choose alike
     return _Kept(
-        journal, journal.with_name(journal.name.removesuffix(".jsonl").replace("results", "summary") + ".json")
+        journal,
+        journal.with_name(name.replace("results", "summary") + ".json"),
+        Path(given.times) if given.times else journal.with_name(times),
     )
 
 
-def _engine(given: argparse.Namespace) -> Engine:
+def _engine(given: argparse.Namespace, times: Known | None) -> Engine:
     from lichen.processors import processors
     from lichen_batch import engines
     from lichen_batch.hands import Limits
 
     workers = given.workers or processors()
     threads = given.threads or max(1, processors() // workers)
+    limits = Limits(given.item_seconds, given.item_memory, threads, times)
     try:
-        return engines.choose(given.engine, given.url, workers, Limits(given.item_seconds, given.item_memory, threads))
+        return engines.choose(given.engine, given.url, workers, limits)
     except (ValueError, OSError) as wrong:
         raise Usage(str(wrong) or f"{given.engine}: nobody answers there") from None
 
@@ -229,14 +264,16 @@ def _why(stop: Any) -> str | None:
     return "too many failures" if stop.failing else None
 
 
-def _tell(summary: dict[str, Any], path: Path, account: Any) -> None:
+def _tell(summary: dict[str, Any], path: Path, *, as_json: bool) -> None:
+    """As JSON to whatever reads it, and to people in words."""
     from lichen_batch import places
     from lichen_cli.progress import tell
 
     text = json.dumps(summary, indent=2, ensure_ascii=False) + "\n"
     places.write(str(path), text.encode())
-    print(text, end="")
-    if sys.stderr.isatty():
+    if as_json or not sys.stdout.isatty():
+        print(text, end="")
+    if sys.stderr.isatty() or sys.stdout.isatty():
         tell(summary)
 
 

@@ -35,6 +35,7 @@ from lichen_client.pipeline import Pipeline
 from lichen_client.results import Error, Measured, Report, Result, Results
 from lichen_client.retry import Retries
 from lichen_client.scene import Scene
+from lichen_client.streams import AsyncStream, Stream
 from lichen_client.version import __version__
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Asset",
     "AsyncClient",
+    "AsyncStream",
     "BadRequest",
     "Client",
     "ConnectionFailed",
@@ -62,6 +64,7 @@ __all__ = [
     "Scene",
     "ServerError",
     "StatusError",
+    "Stream",
     "TimedOut",
     "TooLarge",
     "Unavailable",

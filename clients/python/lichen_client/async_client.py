@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Coroutine, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self
 
@@ -15,6 +16,7 @@ from lichen_client.operations import Operations
 from lichen_client.raw import Raw
 from lichen_client.results import Result, Results
 from lichen_client.retry import Reply, Wait, conversation
+from lichen_client.streams import PIECE, AsyncStream, cut
 from lichen_client.transport import Transport, failures, reply_of
 
 if TYPE_CHECKING:
@@ -201,6 +203,11 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         """As `Client.with_raw_response`."""
         return Raw(self._converse)
 
+    @property
+    def with_streaming_response(self) -> Raw[AbstractAsyncContextManager[AsyncStream]]:
+        """As `Client.with_streaming_response`, for `async with`."""
+        return Raw(self._streamed)
+
     async def close(self) -> None:
         if self._shared:
             return
@@ -218,7 +225,42 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
     async def _document(self, call: Call) -> dict[str, Any]:
         return calls.read_json(await self._converse(call))
 
-    async def _converse(self, call: Call) -> Reply:
+    @asynccontextmanager
+    async def _streamed(self, call: Call) -> AsyncIterator[AsyncStream]:
+        async with AsyncExitStack() as open:
+            pieces: AsyncIterator[bytes] | None = None
+
+            async def begin(call: Call, deadline: float) -> Reply:
+                nonlocal pieces
+                await open.aclose()  # what an earlier try has left
+                reply, pieces = await self._begun(call, deadline, open)
+                return reply
+
+            reply = await self._converse(call, begin)
+            assert pieces is not None, "an answer has begun"
+            if not 200 <= reply.status < 300:
+                calls.require_success(replace(reply, body=bytearray(b"".join([each async for each in pieces]))))
+            yield AsyncStream(reply.status, reply.headers, pieces)
+
+    async def _begun(self, call: Call, deadline: float, open: AsyncExitStack) -> tuple[Reply, AsyncIterator[bytes]]:
+        """An answer whose head has come, and its body, which is read while `open` is."""
+        if self._inside is not None:
+            reply = await asyncio.to_thread(self._answer_here, call, deadline)
+            return reply, _cut(reply.body)
+
+        async def pieces() -> AsyncIterator[bytes]:
+            with failures(call, self.url):
+                async for piece in response.aiter_bytes(PIECE):
+                    yield piece
+                    if time.monotonic() > deadline:
+                        raise TimeoutError
+
+        with failures(call, self.url):
+            async with asyncio.timeout(max(deadline - time.monotonic(), 1e-3)):
+                response = await open.enter_async_context(self._http.stream(**self._request(call, deadline)))
+        return reply_of(response, bytearray()), pieces()
+
+    async def _converse(self, call: Call, send: Callable[[Call, float], Awaitable[Reply]] | None = None) -> Reply:
         steps = conversation(self.timeout, self.retries)
         outcome: Reply | ConnectionFailed | None = None
         try:
@@ -229,7 +271,7 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
                     outcome = None
                     continue
                 try:
-                    outcome = await self._send(call, step.deadline)
+                    outcome = await (send or self._send)(call, step.deadline)
                 except ConnectionFailed as failure:
                     outcome = failure
         except StopIteration as end:
@@ -248,12 +290,20 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
                 return reply_of(response, body)
 
 
+async def _cut(body: bytearray) -> AsyncIterator[bytes]:
+    for piece in cut(body):
+        yield piece
+
+
 class AsyncJob:
     """`Job` for asyncio."""
 
     def __init__(self, client: AsyncClient, id: str) -> None:
         self._client = client
         self.id = id
+
+    def __repr__(self) -> str:
+        return f"AsyncJob({self.id!r})"
 
     async def state(self) -> State:
         """As `Job.state`."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self
 
@@ -14,6 +15,7 @@ from lichen_client.operations import Operations
 from lichen_client.raw import Raw
 from lichen_client.results import Result, Results
 from lichen_client.retry import Reply, Wait, conversation
+from lichen_client.streams import PIECE, Stream, cut
 from lichen_client.transport import CONNECT_TIMEOUT, Transport, direct, failures, left_of, reply_of
 
 if TYPE_CHECKING:
@@ -227,6 +229,11 @@ class Client(Transport, Operations[Result]):
         """The same calls, answered with status, header fields and bytes as they came, refusals too."""
         return Raw(self._converse)
 
+    @property
+    def with_streaming_response(self) -> Raw[AbstractContextManager[Stream]]:
+        """The same calls for `with`: answers whose bytes are read piece by piece. Refusals are raised."""
+        return Raw(self._streamed)
+
     def close(self) -> None:
         if self._shared:
             return
@@ -244,7 +251,42 @@ class Client(Transport, Operations[Result]):
     def _document(self, call: Call) -> dict[str, Any]:
         return calls.read_json(self._converse(call))
 
-    def _converse(self, call: Call) -> Reply:
+    @contextmanager
+    def _streamed(self, call: Call) -> Iterator[Stream]:
+        with ExitStack() as open:
+            pieces: Iterator[bytes] = iter(())
+
+            def begin(call: Call, deadline: float) -> Reply:
+                nonlocal pieces
+                open.close()  # what an earlier try has left
+                reply, pieces = self._begun(call, deadline, open)
+                return reply
+
+            reply = self._converse(call, begin)
+            if not 200 <= reply.status < 300:
+                calls.require_success(replace(reply, body=bytearray(b"".join(pieces))))
+            yield Stream(reply.status, reply.headers, pieces)
+
+    def _begun(self, call: Call, deadline: float, open: ExitStack) -> tuple[Reply, Iterator[bytes]]:
+        """An answer whose head has come, and its body, which is read while `open` is."""
+        if self._inside is not None:
+            reply = self._answer_here(call, deadline)
+            return reply, cut(reply.body)
+        import httpx2
+
+        def pieces() -> Iterator[bytes]:
+            with failures(call, self.url):
+                for piece in response.iter_bytes(PIECE):
+                    yield piece
+                    if time.monotonic() > deadline:
+                        raise TimeoutError
+
+        with failures(call, self.url):
+            http = self._http if self._lanes is None else open.enter_context(httpx2.Client(**self._arguments()))
+            response = open.enter_context(http.stream(**self._request(call, deadline)))
+        return reply_of(response, bytearray()), pieces()
+
+    def _converse(self, call: Call, send: Callable[[Call, float], Reply] | None = None) -> Reply:
         steps = conversation(self.timeout, self.retries)
         outcome: Reply | ConnectionFailed | None = None
         try:
@@ -255,7 +297,7 @@ class Client(Transport, Operations[Result]):
                     outcome = None
                     continue
                 try:
-                    outcome = self._send(call, step.deadline)
+                    outcome = (send or self._send)(call, step.deadline)
                 except ConnectionFailed as failure:
                     outcome = failure
         except StopIteration as end:
@@ -285,6 +327,9 @@ class Job:
     def __init__(self, client: Client, id: str) -> None:
         self._client = client
         self.id = id
+
+    def __repr__(self) -> str:
+        return f"Job({self.id!r})"
 
     def state(self) -> State:
         """Where it is now."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from lichen_client import calls
+from lichen_client.operations import Operations
 
 if TYPE_CHECKING:
     from lichen_client.calls import Call, ImageLike
@@ -15,8 +16,9 @@ if TYPE_CHECKING:
 A = TypeVar("A", covariant=True)
 
 
-class Raw(Generic[A]):
-    """A client's calls, answered with a `Reply` or, of an `AsyncClient`, with one to be awaited."""
+class Raw(Operations[A]):
+    """A client's calls, operations by their names too, answered with a `Reply` or, of an `AsyncClient`, with one that
+    is awaited."""
 
     def __init__(self, converse: Callable[[Call], A]) -> None:
         self._converse = converse

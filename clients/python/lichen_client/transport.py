@@ -71,6 +71,9 @@ class Transport:
         else:
             self._open()
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.url!r})"
+
     def _open(self) -> None:
         raise NotImplementedError
 

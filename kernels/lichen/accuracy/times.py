@@ -6,7 +6,8 @@ that times depend on (processor, their number, device, runtime, this library's k
 else is never looked at, so nothing goes stale; one that cannot be read counts as none. `LICHEN_TIMES` names another
 folder.
 
-`current` costs one look at the file's date, so a process sees what another one has measured.
+`current` costs one look at the file's date, so a process sees what another one has measured. Where several processes,
+or one after the other, are to choose the same methods, what one of them `knows` is `held` by all of them instead.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ import os
 import platform
 import tempfile
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -34,6 +37,9 @@ from lichen.processors import processors
 
 Rates = Mapping[tuple[str, str], Rate]
 """By operation and method."""
+Known = Mapping[str, list[Any]]
+"""Rates of backends as JSON carries them."""
+BACKENDS = ("opencl", "numpy")
 
 _log = logging.getLogger("lichen")
 _NONE: Rates = MappingProxyType({})
@@ -41,10 +47,16 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _lock = threading.Lock()
 _kept: dict[Path, tuple[tuple[int, int], Rates]] = {}
 """What was read, by file, with the date and the size of the file it was read from."""
+_held: ContextVar[Mapping[str, Rates] | None] = ContextVar("held", default=None)
+"""By backend, in place of what is measured here."""
 
 
 def current(backend: str) -> Rates:
-    """The rates measured on this machine for `backend` (opencl or numpy); empty where nothing was measured."""
+    """The rates that are held for `backend` (opencl or numpy), or else those measured on this machine; empty where
+    nothing was measured."""
+    held = _held.get()
+    if held is not None:
+        return held.get(backend, _NONE)
     path = path_of(backend)
     try:
         found = path.stat()
@@ -64,13 +76,30 @@ def store(backend: str, rates: Rates, pace: float | None = None) -> Path | None:
     """Keep `rates` beside those already known, which they replace; None where the folder cannot be written. `pace` is
     what the task takes by whose speed they were measured (`lichen.calibration.pace`), seconds."""
     path = path_of(backend)
-    merged = {**current(backend), **rates}
-    listed = [
-        [*name, rate.start, rate.step, {kind: [each.start, each.step] for kind, each in rate.kinds.items()}]
-        for name, rate in sorted(merged.items(), key=lambda known: known[0])
-    ]
-    told = {"machine": machine(backend), "pace": pace, "rates": listed}
+    told = {"machine": machine(backend), "pace": pace, "rates": _listed({**current(backend), **rates})}
     return path if write(path, json.dumps(told, indent=1)) else None
+
+
+def known() -> dict[str, list[Any]]:
+    """What `current` says of all backends, to be written down and `held` by whoever reads it."""
+    if _held.get() is None and not any(folder().glob("*.json")):
+        return {backend: [] for backend in BACKENDS}  # no device has to be started to say that
+    return {backend: _listed(current(backend)) for backend in BACKENDS}
+
+
+@contextmanager
+def held(known: Known) -> Iterator[None]:
+    """Lets this thread plan by what was `known` somewhere, whatever is measured here meanwhile. Raises ValueError for
+    what is nothing of the kind."""
+    try:
+        rates = {str(backend): _sounding(listed) for backend, listed in known.items()}
+    except (TypeError, KeyError, AttributeError) as wrong:
+        raise ValueError(f"these are no times of methods: {wrong}") from None
+    token = _held.set(rates)
+    try:
+        yield
+    finally:
+        _held.reset(token)
 
 
 def pace(backend: str) -> float | None:
@@ -160,13 +189,24 @@ def _digest_of_kernels() -> str:
 def _read(path: Path) -> Rates:
     """What a file holds; nothing where it is not one of ours."""
     try:
-        listed = json.loads(path.read_text())["rates"]
-        rates = {(str(o), str(m)): _rate(*numbers) for o, m, *numbers in listed}
+        return _sounding(json.loads(path.read_text())["rates"])
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as failure:
         _log.warning("%s is left aside: %s", path, failure)
         return _NONE
-    sound = {name: rate for name, rate in rates.items() if _sound(rate)}
-    return MappingProxyType(sound)
+
+
+def _listed(rates: Rates) -> list[Any]:
+    """Rates as they are written, in the order of their names."""
+    return [
+        [*name, rate.start, rate.step, {kind: [each.start, each.step] for kind, each in rate.kinds.items()}]
+        for name, rate in sorted(rates.items(), key=lambda known: known[0])
+    ]
+
+
+def _sounding(listed: Any) -> Rates:
+    """Rates as they were written, without those that make no sense."""
+    rates = {(str(o), str(m)): _rate(*numbers) for o, m, *numbers in listed}
+    return MappingProxyType({name: rate for name, rate in rates.items() if _sound(rate)})
 
 
 def _rate(start: Any, step: Any, kinds: Mapping[str, Any]) -> Rate:

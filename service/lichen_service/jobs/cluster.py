@@ -2,9 +2,9 @@
 
 The queue stays what it is: states, results and idempotency keys are kept here, on the disk, so nothing that was
 accepted is lost with a cluster. A thread of the runner hands a job over with the stored images it names, and waits for
-the answer, which is the one it would have computed itself, byte for byte. A worker that dies costs a repetition, by
-another worker; a cluster that cannot be reached lets jobs wait. Workers hold jobs to the limits of this service, and
-decode images in a process of their own.
+the answer, which is the one it would have computed itself, byte for byte: workers choose methods by the times that are
+known here. A worker that dies costs a repetition, by another worker; a cluster that cannot be reached lets jobs wait.
+Workers hold jobs to the limits of this service, and decode images in a process of their own.
 
 Scheduler and workers need this package installed, in the same version.
 """
@@ -18,6 +18,7 @@ from functools import lru_cache
 from typing import Any
 
 import lichen
+from lichen.accuracy import times
 from lichen_service.assets import Assets, is_id
 from lichen_service.http.message import CLIENT_GONE, Body, Head, Request, Response
 from lichen_service.inside import Inside
@@ -54,7 +55,7 @@ class Cluster:
             # Apart from the call, which the scheduler keeps, while these go to a worker.
             sent = client.scatter(given, hash=False)
             plain = head._replace(alive=_always, began=_nobody, received=0.0, deadline=head.deadline - time.monotonic())
-            asked = (self._settings, lichen.__version__, plain)
+            asked = (self._settings, lichen.__version__, times.known(), plain)
             done = client.submit(compute, *asked, *sent, key=f"lichen-job-{secrets.token_hex(8)}", pure=False)
             return self._wait(head, client, done)
         except Exception as failure:
@@ -93,12 +94,16 @@ class Cluster:
             return self._client
 
 
-def compute(settings: Settings, version: str, head: Head, body: Body, images: list[Body]) -> tuple[int, Any, bytes]:
+def compute(
+    settings: Settings, version: str, known: times.Known, head: Head, body: Body, images: list[Body]
+) -> tuple[int, Any, bytes]:
     """On a worker: status, headers and body of the answer."""
     if version != lichen.__version__:
         raise RuntimeError(f"the worker has version {lichen.__version__} of the engine, the service {version}")
     now = time.monotonic()
-    answer = _inside(settings).respond(Request(head._replace(received=now, deadline=now + head.deadline), body), images)
+    request = Request(head._replace(received=now, deadline=now + head.deadline), body)
+    with times.held(known):
+        answer = _inside(settings).respond(request, images)
     return answer.status, answer.headers, bytes(answer.body)
 
 

@@ -29,7 +29,7 @@ from lichen.execution import exact
 from lichen.image import Alpha, Extent, Image, Space
 from lichen.memory import aligned
 from lichen.operation import Facts
-from lichen.order import BACKENDS, read_pipeline_order
+from lichen.order import read_pipeline_order
 from lichen.planning.graph import Graph
 from lichen.planning.plan import make_plan
 
@@ -169,7 +169,7 @@ def planning(nodes: int) -> Section:
         return (time.thread_time() - began) * 1e3
 
     rows = []
-    for backend in BACKENDS:
+    for backend in times.BACKENDS:
         first = planned(backend)
         took = [planned(backend) for _ in range(20)]
         rows.append([backend, f"{min(took):.1f}", f"{first:.1f}"])
