@@ -163,6 +163,23 @@ def test_an_ellipse_beside_a_hole_does_not_see_it(channels: int, turn: float) ->
     assert 0 < (~np.isfinite(ours)).sum() < 130 * channels
 
 
+@pytest.mark.parametrize("border", [Border.REFLECT, Border.REFLECT101])
+@pytest.mark.parametrize("method", ["bilinear", "bicubic", "lanczos3"])
+def test_places_far_from_a_mirrored_picture_show_what_numpy_finds(border: Border, method: str) -> None:
+    """A device looks them up inside the picture, and steps from sample to sample the other way."""
+    pixels = np.random.default_rng(6).random((13, 1, 4), dtype=np.float32).repeat(17, axis=1)
+    pixels += np.random.default_rng(7).random((1, 17, 4), dtype=np.float32)
+    given = {
+        "matrix": [[0.9, 0.2, -70], [-0.3, 1.1, 45]],
+        "width": 70,
+        "height": 40,
+        "method": method,
+        "border": border,
+    }
+    ours, plain = (lichen.run("affine", pixels, device=on, **given).image.pixels for on in ("opencl", "numpy"))
+    np.testing.assert_allclose(ours, plain, atol=3e-6, rtol=0)
+
+
 @pytest.mark.parametrize("border", list(Border))
 @pytest.mark.parametrize("size", [(31, 40), (9, 8), (3, 10)])
 def test_ellipses_of_all_sizes_weigh_what_they_hold(border: Border, size: tuple[int, int]) -> None:
