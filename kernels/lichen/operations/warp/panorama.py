@@ -121,7 +121,8 @@ def _shown(source: Source, sphere: Sphere, s: Doubles, t: Doubles, face: int, ce
     height, width, _ = source.pixels.shape
     own_s = 2 * ((np.arange(width) + 0.5) % wide) / wide - 1
     own_t = 2 * ((np.arange(height) + 0.5) % tall) / tall - 1
-    held = ~_outside(sphere, *np.broadcast_arrays(own_s[np.newaxis, :], own_t[:, np.newaxis]), cell)[..., np.newaxis]
+    own_s, own_t = np.broadcast_arrays(own_s[np.newaxis, :], own_t[:, np.newaxis])
+    held = ~_outside(sphere, own_s, own_t, cell)[..., np.newaxis]
     shown = interpolate(Source(np.where(held, source.pixels, 0.0), Border.CLAMP, 0.0), x, y, BILINEAR)
     share = interpolate(Source(held.astype(np.float64), Border.CLAMP, 0.0), x, y, BILINEAR)
     return np.where(share > 0, shown / np.where(share > 0, share, 1.0), source.value)
