@@ -17,6 +17,7 @@ from comparing import Call, Images, Peer, Row, Values, image, noise
 from libraries import Late
 from scipy import ndimage
 
+import lichen
 from lichen.image import Image
 from lichen.memory import aligned_empty
 
@@ -88,6 +89,35 @@ def warp(name: str, method: str, flag: int, **further: float) -> Row:
     else:
         peers, values = (by_opencv("warpAffine", turned, flag),), {"angle": TURN, "border": "clamp"}
     return Row(f"{name}, {method}, RGBA", name, values, peers, waves(4), {"method": method, **further}, error_side=128)
+
+
+def horizon(side: int) -> np.ndarray:
+    """Output to input: a plane that ends in the middle, a little aslant, whatever the size."""
+    matrix = np.array([[1, 0.1, 0], [0.05, 0.3, 6], [0.03, 0.11, -1]])
+    scale = np.diag([side / 16, side / 16, 1])
+    return scale @ matrix @ np.linalg.inv(scale)
+
+
+def benign(inputs: Images, values: Values) -> Call:
+    """The same filter and border where nothing is far."""
+    pixels = inputs["image"]
+    asked = {"matrix": perspective(pixels.height).tolist(), "border": values["border"], **FAR[values["border"]]}
+    return lambda: lichen.run("homography", pixels, **asked).image.pixels
+
+
+FAR: dict[str, dict[str, Any]] = {
+    "clamp": {"method": "ewa", "samples": 1}, "wrap": {"method": "ewa", "samples": 1}, "reflect": {"method": "bicubic"},
+}  # fmt: skip
+"""What is measured to the horizon, by the border."""
+
+
+def to_the_horizon(border: str) -> Row:
+    return Row(
+        f"homography to the horizon, {FAR[border]['method']}, {border}, 512 px", "homography",
+        lambda side: {"matrix": horizon(side).tolist(), "inverse": True, "border": border},
+        (Peer("the same, a benign view", benign, same=False, yardstick=True),), waves(4), FAR[border], side=512,
+        error_side=64,
+    )  # fmt: skip
 
 
 def swirl(side: int) -> dict[str, Image]:
@@ -178,6 +208,7 @@ ROWS = (
     Row("homography, ewa, RGBA, 512 px", "homography", lambda side: {"matrix": perspective(side).tolist()}, (
         Peer("OpenImageIO warp, lanczos3", oiio_warp, same=False),), waves(4), {"method": "ewa"}, error_side=128,
         side=512),
+    *(to_the_horizon(border) for border in FAR),
     warp("rotate", "bilinear", cv2.INTER_LINEAR),
     warp("rotate", "bicubic", cv2.INTER_CUBIC),
     Row("rotate, bicubic against splines, 512 px", "rotate", {"angle": TURN, "border": "clamp"}, (

@@ -48,6 +48,21 @@ inline T mixed(T sharp, T soft, float t) {
     return t == 0.0f ? sharp : (t == 1.0f ? soft : fma((T)(t), soft, (1.0f - t) * sharp));
 }
 
+/* Begins to fetch what the row of pixels below will need first: the sample of each at the corner of 7 x 7 that moves
+ * ahead. The items beside take that row next, and a tilted picture's lines lie too far apart to be seen coming. */
+inline void ask_next(const int *restrict column, const int *restrict line, const float *restrict xv,
+                     const float *restrict yv, const Picture *picture) {
+    const float w = picture->width - 1, t = picture->height - 1;
+    int at[SEGMENT];
+    EACH {
+        float x = column[i] + xv[i] + (xv[i] < 0.0f ? -3.0f : 3.0f), y = line[i] + yv[i] + (yv[i] < 0.0f ? -3.0f : 3.0f);
+        x = x > 0.0f ? x : 0.0f;
+        y = y > 0.0f ? y : 0.0f;
+        at[i] = (int)(y < t ? y : t) * picture->width + (int)(x < w ? x : w);
+    }
+    for (int i = 0; i < SEGMENT; ++i) stream_ask(picture->pixels + (size_t)CHANNELS * at[i]);
+}
+
 /* What the map does not shrink is interpolated from 6 x 6 samples; SOFT gives the average of what it does, for all pixels
  * of `soft[i]` that are in their ellipse's stead neither background nor beyond it. */
 #define SHARP                                                                                                          \
@@ -55,6 +70,7 @@ inline T mixed(T sharp, T soft, float t) {
     float fx[SEGMENT], fy[SEGMENT], blend[SEGMENT];                                                                    \
     T sharp[SEGMENT], soft[SEGMENT];                                                                                   \
     split_both(column, line, fx, fy, easy, x, y);                                                                      \
+    ask_next(column, line, xv, yv, &picture);                                                                          \
     int shrinking = 0, growing = 0;                                                                                    \
     EACH {                                                                                                             \
         blend[i] = seen[i] ? blend_of(shapes.rho[i]) : 0.0f;                                                    \
@@ -86,13 +102,18 @@ inline T mixed(T sharp, T soft, float t) {
 #define FINISH                                                                                                         \
     for (int i = 0; i < count; ++i) put(out, start + i, stride, channel, mixed(sharp[i], soft[i], blend[i]));
 
+#define SOME 16
 kernel void ewa(ARGUMENTS, float samples, float reach) {
     BEGIN
     SHARP
     if (shrinking) {
         Ellipses at;
         place(&at, x, y, &shapes, levels, samples, reach);
-        const float limit = reach * reach, cut = 0.9999f * num_exp(-2.0f * limit); /* what lies on the rim is inside */
+        Windows in;
+        frame(&in, &at);
+        const float limit = reach * reach;
+        /* what lies on the rim is inside; beyond a radius of 3 lies 1.5e-8 of the weight */
+        const float cut = reach < 3.0f ? 0.9999f * num_exp(-2.0f * limit) : 0.0f;
         /* 0: nothing to do, 1: small, 2: inside, 3: near the border, 4: wholly beyond a constant one, 5: tiny,
          * 6: one of these, with what is not finite beside the ellipse or in it */
         int way[SEGMENT];
@@ -115,20 +136,38 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
             const float top_ = (float)at.row[i] + (float)whole_below(above > -1e9f ? above : -1e9f);
             const float bottom = (float)at.row[i] + at.fy[i] + at.tall[i] + 1.0f;
             const float most = (float)wide[i], lowest = (float)tall[i];
-            const int inside = (left >= 0.0f) & (top_ >= 0.0f) & (right < most) & (bottom < lowest);
             const int small = at.wide[i] <= TINY, tiny = small & (at.tall[i] <= TINY);
+            const int under = (bottom < lowest) & (!tiny | (top_ + (TALL + 1.0f) < lowest));
+            const int inside = (left >= 0.0f) & (top_ >= 0.0f) & (right < most) & under;
             const int beside = (left >= most) | (top_ >= lowest) | (right < 8.0f) | (bottom < 1.0f);
             const int edge = (border == BORDER_CONSTANT) & beside ? 4 : 3;
-            way[i] = large[i] | !(blend[i] > 0.0f) ? 0 : (inside ? (tiny ? 5 : 2 - small) : edge);
+            way[i] = (i >= count) | large[i] | !(blend[i] > 0.0f) ? 0 : (inside ? (tiny ? 5 : 2 - small) : edge);
         }
-        for (int i = 0; i < count; ++i) {
-            if (way[i] != 5) continue;
-            const int level = at.level[i], left = at.column[i] + whole_above(at.fx[i] - at.wide[i]);
-            global const float *from = level ? pyramid + (size_t)CHANNELS * sizes[3 * level] : pixels;
-            from += CHANNELS * ((at.row[i] + whole_above(at.fy[i] - at.tall[i])) * (size_t)wide[i] + left);
-            soft[i] = ellipse_tiny(from, CHANNELS * (size_t)wide[i], &at, i, cut);
-            if (!finite(soft[i])) way[i] = 6;
+        /* some at a time, and one thing of them after another: a processor then works on many pixels at once */
+        T holes = (T)(0.0f);
+        for (int begin = 0; begin < count; begin += SOME) {
+            float8 lines[SOME], changes[SOME];
+            for (int k = 0; k < SOME; ++k) {
+                lines[k] = first_row(&in, begin + k, at.xx[begin + k]);
+                changes[k] = change_of(&in, begin + k);
+            }
+            for (int k = 0; k < SOME; ++k) {
+                const int i = begin + k, level = at.level[i];
+                if (way[i] != 5) continue;
+                global const float *from = level ? pyramid + (size_t)CHANNELS * sizes[3 * level] : pixels;
+                from += CHANNELS * ((at.row[i] + in.top[i]) * (size_t)wide[i] + at.column[i] + in.left[i]);
+                soft[i] = window_sum(lines + k, from, CHANNELS * (size_t)wide[i], &in, i, lines[k], changes[k], cut);
+            }
+            for (int k = 0; k < SOME; ++k) {
+                const int i = begin + k;
+                if (way[i] != 5) continue;
+                soft[i] = soft[i] / total8(lines[k]);
+                holes += soft[i] - soft[i];
+            }
         }
+        if (!finite(holes))
+            for (int i = 0; i < count; ++i)
+                if (way[i] == 5 && !finite(soft[i])) way[i] = 6;
         for (int i = 0; i < count; ++i) {
             if (way[i] != 1 && way[i] != 2) continue;
             const int level = at.level[i];
@@ -143,7 +182,7 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
             const Picture taken = level_of(&picture, pyramid, sizes, at.level[i]);
             const int tiny = at.wide[i] <= TINY && at.tall[i] <= TINY;
             if (way[i] == 3 && (tiny || border < BORDER_RING)) {
-                soft[i] = tiny ? ellipse_beyond(&taken, &at, i, cut) : ellipse_across(&taken, &at, i, limit);
+                soft[i] = tiny ? window_beyond(&taken, &at, &in, i, cut) : ellipse_across(&taken, &at, i, limit);
                 if (finite(soft[i])) continue;
             }
             soft[i] = ellipse_anywhere(&taken, &at, i, limit);

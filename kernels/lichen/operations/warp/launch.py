@@ -21,6 +21,7 @@ from lichen.operations.warp.levels import sizes
 from lichen.operations.warp.maps import Map, Projective, Windowed
 from lichen.operations.warp.reference import BAND as HELD
 from lichen.operations.warp.reference import Closed, Source, grid
+from lichen.operations.warp.shown import longest
 
 SEGMENT = 64
 """Pixels that one work-item does; `SEGMENT` in segment.clh."""
@@ -28,6 +29,8 @@ GROUP = (1, 16)
 ROWS = 8
 """Rows of segments that one work-item of taps.cl does on a processor, one row of samples ahead of what it sums; where
 thousands of items run at once, they wait for one another's, and each does one."""
+ROUNDED = 1e-5
+"""How much longer a half axis may come out in float32 than it is."""
 BAND = 1 << 18
 """Pixels whose places are held at once: 12 MiB with their steps."""
 BORDERS: list[Border | Closed] = [*Border, *Closed]
@@ -169,14 +172,18 @@ def sampled(
 
 
 def averaged(
-    device: Device, source: Source, map_: Map, size: tuple[int, int], kernel: str, *further: Argument, deep: bool = True
+    device: Device, source: Source, map_: Map, size: tuple[int, int], kernel: str, *further: Argument, shallow: float
 ) -> Array:
-    """The result of one of the kernels of area.cl; `deep` where it needs a pyramid."""
+    """The result of one of the kernels of area.cl, which takes footprints whose half axes are below `shallow` from the
+    image itself: where all are, no pyramid is made, and no mean where none is as large as the image."""
     width, height = size
+    axis, sides = max(longest(map_, size), 1.0) * (1 + ROUNDED), source.pixels.shape[:2]
+    deep, large = axis >= shallow, axis >= min(sides)
     out = aligned_empty((height, width, source.pixels.shape[2]))
     with device.session() as session:
         blocks = Blocks(source, session)
-        pictures = [(channel, pixels, *_prepared(session, blocks, pixels, deep)) for channel, pixels in blocks.each()]
+        each = blocks.each()
+        pictures = [(channel, pixels, *_prepared(session, blocks, pixels, deep, large)) for channel, pixels in each]
         for band in bands(session, map_, width, height, steps=True):
             for channel, pixels, levels, described, mean in pictures:
                 session.launch(
@@ -187,11 +194,13 @@ def averaged(
     return out
 
 
-def _prepared(session: Session, blocks: Blocks, pixels: Array, deep: bool) -> tuple[Array, Array, Array]:
-    """The levels of a block, where each lies in them, and its mean."""
+def _prepared(session: Session, blocks: Blocks, pixels: Array, deep: bool, large: bool) -> tuple[Array, Array, Array]:
+    """The levels of a block, where each lies in them, and its mean; zeros for a mean that nobody takes."""
     levels, described = _pyramid(session, blocks, pixels, deep)
-    mean = aligned(_row_sums(session, blocks, pixels).sum(axis=0) / (pixels.shape[0] * pixels.shape[1]))
-    return levels, aligned(described, np.int32), mean
+    mean = np.zeros(pixels.shape[2])
+    if large:
+        mean = _row_sums(session, blocks, pixels).sum(axis=0) / (pixels.shape[0] * pixels.shape[1])
+    return levels, aligned(described, np.int32), aligned(mean)
 
 
 def _row_sums(session: Session, blocks: Blocks, pixels: Array) -> Array:

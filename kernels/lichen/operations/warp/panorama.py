@@ -7,8 +7,9 @@ same sphere, and resampled as all warps are (see `lichen.operations.warp.referen
 
 Footprints are taken in the chart that a pixel's middle lies in, so that no edge of a cube and no seam makes one an
 image wide. Before it is sampled, every chart of the image gets a margin with what its neighbours show there, bilinear:
-a quarter of its width for faces and discs. A lat-long image goes around, and on over its poles. The rim of a mirror
-ball, which shows one direction all around, is repeated outwards; what a fisheye does not see is background.
+a quarter of its width for faces and discs. A lat-long image goes around, and on over its poles. Of a mirror ball, which
+shows one direction all around its rim, samples that lie wholly inside the rim count, and those are repeated outwards;
+what a fisheye does not see is background.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def widened(source: Source, sphere: Sphere) -> Source:
         ]
         own = source.pixels[row * tall : (row + 1) * tall, column * wide : (column + 1) * wide]
         part[margin : margin + tall, margin : margin + wide] = own
-        outside = ~sphere.holds(s, t)
+        outside = _outside(sphere, s, t, (wide, tall))
         if FACES.get(chart, ())[face : face + 1] == (NOTHING,):
             part[outside] = source.value  # nobody looks there
         else:
@@ -90,10 +91,21 @@ def widened(source: Source, sphere: Sphere) -> Source:
     return Source(canvas, Border.CLAMP, source.value)
 
 
+def _outside(sphere: Sphere, s: Doubles, t: Doubles, cell: Size) -> Doubles:
+    """Which samples at (s, t) of a chart show something else: those beyond its edge, and of a mirror ball also those
+    that the rim crosses, which in a photograph show what stands around the ball, too."""
+    if sphere.chart is not Chart.MIRROR_BALL or min(cell) < 3:
+        return ~sphere.holds(s, t)
+    made: Doubles = np.hypot(np.abs(s) + 1 / cell[0], np.abs(t) + 1 / cell[1]) > 1
+    return made
+
+
 def _shown(source: Source, sphere: Sphere, s: Doubles, t: Doubles, face: int, cell: Size) -> Doubles:
-    """What other charts show at places beyond the edge of one, no nearer than half a sample to their own edges."""
+    """What other charts show at places beyond the edge of one, no nearer than half a sample to their own edges; of a
+    ball, what it shows a little inside its rim."""
     if sphere.chart is Chart.MIRROR_BALL:
-        inward = (1 - 1 / min(cell)) / np.hypot(s, t)
+        # three quarters of a sample inside, where one of the neighbours at least is not crossed by the rim
+        inward = (1 - (1.5 if min(cell) >= 3 else 1) / min(cell)) / np.hypot(s, t)
         s, t, at = s * inward, t * inward, np.zeros_like(s)
     else:
         d = sphere.direction(s, t, np.full_like(s, face))
@@ -109,7 +121,8 @@ def _shown(source: Source, sphere: Sphere, s: Doubles, t: Doubles, face: int, ce
     height, width, _ = source.pixels.shape
     own_s = 2 * ((np.arange(width) + 0.5) % wide) / wide - 1
     own_t = 2 * ((np.arange(height) + 0.5) % tall) / tall - 1
-    held = sphere.holds(*np.broadcast_arrays(own_s[np.newaxis, :], own_t[:, np.newaxis]))[..., np.newaxis]
+    own_s, own_t = np.broadcast_arrays(own_s[np.newaxis, :], own_t[:, np.newaxis])
+    held = ~_outside(sphere, own_s, own_t, cell)[..., np.newaxis]
     shown = interpolate(Source(np.where(held, source.pixels, 0.0), Border.CLAMP, 0.0), x, y, BILINEAR)
     share = interpolate(Source(held.astype(np.float64), Border.CLAMP, 0.0), x, y, BILINEAR)
     return np.where(share > 0, shown / np.where(share > 0, share, 1.0), source.value)

@@ -18,6 +18,7 @@ Their errors stand in `prediction`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
@@ -297,7 +298,8 @@ def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
         def opencl(device: Device, inputs: Inputs, p: P, knob: float) -> Array:
             if not device.has_fp64:
                 return Mip.numpy(inputs, p, knob)
-            return averaged(device, warp.source(inputs, p), warp.looks(p, inputs), warp.made_of(inputs, p), "mip")
+            source, size = warp.source(inputs, p), warp.made_of(inputs, p)
+            return averaged(device, source, warp.looks(p, inputs), size, "mip", shallow=1.0)
 
         @staticmethod
         def numpy(inputs: Inputs, p: P, knob: float) -> Array:
@@ -322,7 +324,7 @@ def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
                 return Supersampled.numpy(inputs, p, knob)
             source, size = warp.source(inputs, p), warp.made_of(inputs, p)
             points = samples_of(round(knob))
-            return averaged(device, source, warp.looks(p, inputs), size, "super", *points, deep=False)
+            return averaged(device, source, warp.looks(p, inputs), size, "super", *points, shallow=math.inf)
 
         @staticmethod
         def numpy(inputs: Inputs, p: P, knob: float) -> Array:
@@ -348,7 +350,8 @@ def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
             if not device.has_fp64:
                 return Ewa.numpy(inputs, p, knob)
             cut = np.float32(knob), np.float32(reach_of(knob))
-            return averaged(device, warp.source(inputs, p), warp.looks(p, inputs), warp.made_of(inputs, p), "ewa", *cut)
+            source, size = warp.source(inputs, p), warp.made_of(inputs, p)
+            return averaged(device, source, warp.looks(p, inputs), size, "ewa", *cut, shallow=2 * knob)
 
         @staticmethod
         def numpy(inputs: Inputs, p: P, knob: float) -> Array:

@@ -20,7 +20,7 @@ import numpy as np
 
 from lichen.operation import Border
 from lichen.operations.warp.kernels import TAIL
-from lichen.operations.warp.maps import Projective
+from lichen.operations.warp.maps import Map, Projective, Windowed
 from lichen.part import Rectangle, Size, widened
 
 TAPS = 4
@@ -48,6 +48,14 @@ def part_shown(map_: Projective, border: Border, source: Size, wanted: Rectangle
         y, height = (part[1], part[3]) if inside_y else (0, source[1])
         part = x, y, width, height
     return part
+
+
+def longest(map_: Map, size: Size) -> float:
+    """No half axis of a footprint in a result, or in the part of one, of that size is longer; infinite where that is
+    not known beforehand."""
+    whole, corner = (map_.of, map_.result) if isinstance(map_, Windowed) else (map_, (0, 0))
+    seen = _quadrilateral(whole, (*corner, *size)) if isinstance(whole, Projective) else None
+    return math.inf if seen is None else seen[1]
 
 
 def _quadrilateral(map_: Projective, wanted: Rectangle) -> tuple[tuple[float, float, float, float], float] | None:

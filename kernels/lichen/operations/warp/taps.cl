@@ -64,7 +64,9 @@ typedef struct {
     fold(x, y, &picture);                                                                                              \
     const int count = min(SEGMENT, width - first);
 
-#define SPLIT split_both(column, line, fx, fy, seen, x, y);
+#define SPLIT                                                                                                          \
+    mirror(x, y, &picture);                                                                                            \
+    split_both(column, line, fx, fy, seen, x, y);
 
 /* Those that need no care first, then the others. */
 #define WRITE(easy, quick, careful)                                                                                    \
@@ -104,6 +106,7 @@ kernel void linear(ARGUMENTS) {
         FIND
         SPLIT
         find_easy(easy, seen, column, line, fx, fy, 0, 2, &picture);
+        ask_easy(easy, column, line, 0, 1, &picture);
         WRITE(easy, bilinear_between(pixels + line[i] * pitch + CHANNELS * column[i], pitch, fx[i], fy[i]),
               bilinear(&picture, column[i], line[i], fx[i], fy[i]))
     }
@@ -133,6 +136,7 @@ kernel void four(ARGUMENTS, int kind) {
         weigh4(&across, fx, kind);
         weigh4(&down, fy, kind);
         find_easy(easy, seen, column, line, fx, fy, 1, 4, &picture);
+        ask_easy(easy, column, line, 1, 2, &picture);
         WRITE(easy, taps4(pixels + (line[i] - 1) * pitch + CHANNELS * (column[i] - 1), pitch, &across, &down, i),
               taps4_anywhere(&picture, column[i], line[i], fx[i], fy[i], &across, &down, i))
     }
@@ -154,6 +158,7 @@ kernel void six(ARGUMENTS) {
         weigh6(&across, fx);
         weigh6(&down, fy);
         find_easy(easy, seen, column, line, fx, fy, 2, 6, &picture);
+        ask_easy(easy, column, line, 2, 3, &picture);
         WRITE(easy, taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i),
               taps6_anywhere(&picture, column[i], line[i], fx[i], fy[i], &across, &down, i))
     }

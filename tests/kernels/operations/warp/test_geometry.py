@@ -223,6 +223,16 @@ def test_there_and_back_again_shows_the_same_sky(chart: Chart) -> None:
     assert apart.max() < 0.02, apart.max()
 
 
+def test_what_stands_around_a_photographed_ball_does_not_show() -> None:
+    """Samples on its rim show both, by the share that each has of them."""
+    y, x = np.mgrid[:64, :64] + 0.5
+    cover = np.clip(32.5 - np.hypot(x - 32, y - 32), 0, 1)[..., None]
+    ball = (0.8 * cover).astype(np.float32)
+    for method in ("bilinear", "ewa"):
+        sky = lichen.run("panorama", ball, source="mirror_ball", target="latlong", method=method).image.pixels
+        np.testing.assert_allclose(sky, 0.8, atol=2e-6)
+
+
 def test_looking_to_the_right_moves_the_sky_to_the_left() -> None:
     image = sky(64)
     turned = lichen.run("panorama", image, target="latlong", yaw=90, method="bilinear").image.pixels
