@@ -1448,7 +1448,7 @@ class Operations(Generic[R]):
         direction: decode raises to gamma, encode to its reciprocal; default "decode"
         negative: negative values: mirror keeps them by odd extension, clamp makes them 0; default "mirror"
         size: cells of the table at most; 256 to 65536; a knob
-        method: exact, table, cubic, sextic
+        method: exact, table
         """
         return self.run("gamma", image, gamma=gamma, direction=direction, negative=negative, size=size, **options)
 

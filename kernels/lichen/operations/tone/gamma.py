@@ -5,7 +5,7 @@ encode. Coverage passes. Above 1 gamma darkens what lies between 0 and 1, below 
 mirrored or, clamped, 0.
 
 This is `transfer` with curve=gamma by its plain name, computed by the same bodies to the same bits: `exact` evaluates
-the power, `table` interpolates it linearly, `cubic` and `sextic` take polynomials in its place.
+the power, `table` interpolates it linearly.
 """
 
 from __future__ import annotations
@@ -161,13 +161,3 @@ class Exact(Taken):
 @_declare("table")
 class Interpolated(Taken):
     """Linear interpolation in a table whose cells shrink with the sample; proved up to 1, computed above it."""
-
-
-@_declare("cubic")
-class Cubic(Taken):
-    """Four cubic polynomials instead of the power, chosen by the sample's bits; for samples up to 1."""
-
-
-@_declare("sextic")
-class Sextic(Taken):
-    """The same of degree 6, to a few roundings."""

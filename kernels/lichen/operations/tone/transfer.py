@@ -26,7 +26,7 @@ a curve has no limit; light beyond float32's range becomes infinite.
 
 Methods: `exact` evaluates the curve; `table` interpolates linearly in 256 to 65536 cells and evaluates what lies above
 the table's top. Curves of logarithms and exponentials alone have no table, which would save nothing (tabled.py).
-`cubic` and `sextic` take powers, and PQ's signal, as polynomials of samples up to 1 (fitted.py).
+`cubic` and `sextic` take powers behind a toe, and PQ's signal, as polynomials of samples up to 1 (fitted.py).
 """
 
 from __future__ import annotations

@@ -19,15 +19,14 @@ from lichen.operations.tone.fitted import Fit, Layout, fit
 
 @lru_cache(maxsize=256)
 def fitted(shape: Form, degree: int) -> Fit | None:
-    """A power, or PQ's signal of light, as polynomials of samples up to 1; None of other curves."""
+    """A power that begins with a toe, or PQ's signal of light, as polynomials of samples up to 1; None of other curves:
+    those of a power alone would not make 0 of 0."""
     if shape.body == "pq_encode":
         layout = Layout(roots=2, bits=0)
-    elif shape.body != "power":
-        return None
-    elif shape.knee > 0:
+    elif shape.body == "power" and shape.knee > 0:
         layout = Layout(roots=0 if shape.convex else 1, bits=0)
     else:
-        layout = Layout(roots=0 if shape.convex else 2, bits=0, first=1.4 if degree > 4 else 1.0)
+        return None
     return fit(shape.upper, 1.0 + shape.shift, degree, layout, shape.knee)
 
 
