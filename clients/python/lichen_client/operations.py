@@ -681,6 +681,7 @@ class Operations(Generic[R]):
         | None = None,
         white: Literal["a", "c", "d50", "d55", "d65", "d75", "e", "aces", "dci"] | None = None,
         adaptation: Literal["bradford", "cat16", "von_kries", "none"] | None = None,
+        degree: float | None = None,
         **options: Unpack[Options],
     ) -> R:
         """Converts pictures from one colour space to another.
@@ -690,9 +691,12 @@ class Operations(Generic[R]):
         source: the space of the picture's numbers; what the picture says unless given
         white: the white that XYZ, xyY, L*a*b*, LCh, L*u*v* and luminance are relative to; default "d65"
         adaptation: how colours are carried from one white to another; default "bradford"
-        method: single, double
+        degree: degree of the polynomials; 3 to 6; a knob
+        method: single, fitted, double
         """
-        return self.run("convert", image, target=target, source=source, white=white, adaptation=adaptation, **options)
+        return self.run(
+            "convert", image, target=target, source=source, white=white, adaptation=adaptation, degree=degree, **options
+        )
 
     def convolve(
         self,
@@ -3954,7 +3958,7 @@ class Operations(Generic[R]):
         negative: negative light: mirror keeps it, by odd extension or as the curve's standard says; clamp makes it
             none; default "mirror"
         size: cells of the table at most; 256 to 65536; a knob
-        method: exact, table
+        method: exact, table, cubic, sextic
         """
         return self.run(
             "transfer",

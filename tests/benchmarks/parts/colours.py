@@ -84,17 +84,20 @@ def apart(inputs: Images, values: Values) -> Call:
     return lambda: skimage.color.deltaE_ciede2000(lab(second), lab(first))
 
 
-def convert(name: str, goal: str, *peers: Peer, side: int = 2048) -> Row:
+def convert(name: str, goal: str, *peers: Peer, side: int = 2048, ask: Values | None = None) -> Row:
+    said = "".join(f", {key}={value:g}" for key, value in (ask or {}).items())
     small = "" if side == 2048 else f", {side} px"
-    return Row(f"convert, {name}{small}", "convert", {"target": goal}, peers, SRGB, side=side)
+    return Row(f"convert, {name}{said}{small}", "convert", {"target": goal}, peers, SRGB, ask or {}, side=side)
 
 
 ROWS = (
     convert("sRGB to Lab", "lab", opencv(cv2.COLOR_RGB2Lab)),
     convert("sRGB to Luv", "luv", opencv(cv2.COLOR_RGB2Luv)),
     convert("sRGB to HSV", "hsv", opencv(cv2.COLOR_RGB2HSV)),
-    convert("sRGB to PQ of BT.2100", "bt2100_pq", Peer("OpenColorIO", pq_by_ocio)),
-    convert("sRGB to PQ of BT.2100", "bt2100_pq", typed("colour-science", pq_by_colour), side=SMALL),
+    convert(
+        "sRGB to PQ of BT.2100", "bt2100_pq", Peer("OpenColorIO", pq_by_ocio), typed("colour-science", pq_by_colour)
+    ),
+    convert("sRGB to PQ of BT.2100", "bt2100_pq", Peer("OpenColorIO", pq_by_ocio), ask={"max_error": 1e-5}),
     convert(
         "sRGB to Lab", "lab", typed("scikit-image rgb2lab", skimage.color.rgb2lab),
         typed("colour-science", lambda x: colour.XYZ_to_Lab(colour.sRGB_to_XYZ(x), D65)), side=SMALL,

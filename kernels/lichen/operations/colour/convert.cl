@@ -4,6 +4,7 @@
 // Definitions given at build time, beside those of planes.clh:
 //   PATH    the steps as calls, each with the place of its numbers in k and with how many planes there are
 
+#include "fitted.clh"
 #include "numeric.clh"
 #include "pq.clh"
 #include "planes.clh"
@@ -108,6 +109,46 @@ EACH(cube, x * x * x)
 EACH(cube_root, copysign(fast_cube_root(a), x))
 EACH(lightness, lightness_of(x))
 EACH(lightness_inverse, light_of(x))
+
+// The same as polynomials (fitted_steps.py): k holds their top, the end of the straight start and its slope, then theirs.
+STEP void polynomials(float16 *v, global const float *k, int planes, int roots, int shift, int degree)
+{
+#pragma unroll
+    for (int c = 0; c < planes; c++) {
+        float16 x = v[c], a = fabs(x), y = fitted(a, k + 3, roots, shift, degree);
+        if (roots < 2)
+            y = a < k[1] ? a * k[2] : y;
+        v[c] = as_float16(as_int16(y) ^ (as_int16(x) & (int)0x80000000)); // odd
+    }
+}
+
+// Whether any lane of any plane lies beyond the polynomials' top, or is NaN.
+STEP bool beyond(const float16 *v, global const float *k, int planes)
+{
+    int16 most = as_int16(fabs(v[0]));
+#pragma unroll
+    for (int c = 1; c < planes; c++) {
+        int16 size = as_int16(fabs(v[c]));
+        most = size > most ? size : most;
+    }
+    return mask_any(most > as_int(k[0]));
+}
+
+#define FITTED(exact, k, planes, roots, shift, degree)                  \
+    if (!beyond(v, k, planes))                                          \
+        polynomials(v, k, planes, roots, shift, degree);                \
+    else {                                                              \
+        float16 w[4];                                                   \
+        int16 far[4];                                                   \
+        _Pragma("unroll") for (int c = 0; c < planes; c++) {            \
+            w[c] = v[c];                                                \
+            far[c] = !(fabs(v[c]) <= (k)[0]);                           \
+        }                                                               \
+        exact(w, k, planes);                                            \
+        polynomials(v, k, planes, roots, shift, degree);                \
+        _Pragma("unroll") for (int c = 0; c < planes; c++)              \
+            v[c] = far[c] ? w[c] : v[c];                                \
+    }
 
 // --------------------------------------------------------------------------------------------------------- matrices
 

@@ -19,7 +19,8 @@ white, saturation 0 and no ink but black. NaN makes every channel NaN that depen
 
 Oklab's matrices are moved by less than 2e-4 so that white and grey are achromatic.
 
-Methods: `single` takes all steps in float32 in one pass; `double` evaluates the definitions in float64.
+Methods: `single` takes all steps in float32 in one pass, `fitted` does so with polynomials for curves; `double`
+evaluates the definitions in float64.
 """
 
 from __future__ import annotations
@@ -41,12 +42,14 @@ from lichen.operation import (
     Input,
     InputFacts,
     Inputs,
+    Knob,
     Light,
     Operation,
     OperationParameters,
     Rate,
 )
 from lichen.operations.colour.convert_cases import CASES, EXAMPLES
+from lichen.operations.colour.fitted_steps import Fitted, fitted, rounded
 from lichen.operations.colour.primaries import Adaptation, White
 from lichen.operations.colour.spaces import Model, path
 from lichen.operations.colour.stages import (
@@ -70,6 +73,8 @@ BLOCK = 1 << 13
 """Pixels of a block of NumPy's work: its planes stay in cache."""
 FAR = 1e30
 """Where a step's values may lie beyond it, the next could leave float32."""
+DEGREES = (3, 4, 5, 6)
+"""Of polynomials in place of curves."""
 NEAR = 1e4
 """The largest value of pictures for which float32 is trusted next to poles."""
 
@@ -93,8 +98,10 @@ def _models(p: Parameters, space: Space) -> tuple[Model, Model]:
     return p.source or STATED.get(space, p.target), p.target
 
 
-def _steps(p: Parameters, space: Space) -> tuple[Step, ...]:
-    return path(*_models(p, space), p.white, p.adaptation)
+def _steps(p: Parameters, space: Space, degree: int = 0) -> tuple[Step | Fitted, ...]:
+    """The way; with a degree, its curves as polynomials where there are any."""
+    steps = path(*_models(p, space), p.white, p.adaptation)
+    return fitted(steps, degree) if degree else steps
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
@@ -125,6 +132,8 @@ class Walk:
     doubts: list[Doubt]
     inside: bool
     """whether every step stays well inside float32"""
+    held: bool = True
+    """whether every curve's polynomials reach far enough"""
 
     @property
     def error(self) -> float:
@@ -133,19 +142,22 @@ class Walk:
         return max(value if value < FLOAT_MAX else FLOAT_MAX for value in worst)
 
 
-def _walk(p: Parameters, facts: Facts, by: float = 0.0) -> Walk:
-    """The outputs' intervals, and how far they are from those of inputs that differ by `by`, rounding included."""
+def _walk(p: Parameters, facts: Facts, by: float = 0.0, degree: int = 0, bare: bool = False) -> Walk:
+    """The outputs' intervals, and how far they are from those of inputs that differ by `by`, rounding included; `bare`:
+    as if polynomials were the curves that they stand for."""
     extent: Interval = (facts.extent.low, facts.extent.high)
     intervals = [extent] * _models(p, facts.space)[0].channels
     doubts = [Doubt(0.0, by)] * len(intervals)
-    inside, known = size(extent) < FAR, True
-    for step in _steps(p, facts.space):
+    inside, known, held = size(extent) < FAR, True, True
+    for step in _steps(p, facts.space, degree):
+        held &= not isinstance(step, Fitted) or step.holds(intervals)
+        step = rounded(step) if bare else step
         doubts = step.doubts(doubts, intervals)
         intervals = step.intervals(intervals)
         # Next to a pole no range is known: there a result is as large as the picture makes it.
         known &= not (isinstance(step, Mixed) and any(size(each) >= UNKNOWN for each in intervals))
         inside &= size(extent) < NEAR if not known else all(size(each) < FAR for each in intervals)
-    return Walk(intervals, doubts, inside)
+    return Walk(intervals, doubts, inside, held)
 
 
 def _passing(p: Parameters, facts: Facts) -> bool:
@@ -202,10 +214,10 @@ convert = Operation(
 # ------------------------------------------------------------------------------------------------------------ bodies
 
 
-def evaluate(image: Image, p: Parameters, dtype: type[np.floating]) -> Array:
+def evaluate(image: Image, p: Parameters, dtype: type[np.floating], degree: int = 0) -> Array:
     """Every step in `dtype`, in blocks whose planes stay in cache; the result has the same precision."""
     source, target = _models(p, image.space)
-    steps = _steps(p, image.space)
+    steps = _steps(p, image.space, degree)
     shape = (image.height, image.width, image.channels - source.channels + target.channels)
     out = aligned_empty(shape, dtype)
     flat, result = image.pixels.reshape(-1, image.channels), out.reshape(-1, shape[2])
@@ -234,8 +246,7 @@ def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
 
 
 def _single_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    image = facts["image"]
-    value = _walk(p, image).error
+    value = _walk(p, facts["image"]).error
     nominal = 360.0 if p.target.polar else 100.0 if p.target in (Model.LAB, Model.LUV) else 1.0
     vague = value > 1e-3 * nominal
     return Error(value, "estimate", rounding=value, typical=4e-7 * nominal if vague else None)
@@ -247,15 +258,18 @@ def _single_unfit(p: Parameters, facts: InputFacts) -> str | None:
     return "values this large leave the range of float32 on the way"
 
 
-def launch(device: Device, image: Image, p: Parameters) -> Array:
+def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Array:
     """The conversion by convert.cl, its steps written out as calls."""
     source, target = _models(p, image.space)
     numbers: list[float] = []
     calls, planes = [], source.channels
-    for step in _steps(p, image.space):
+    for step in _steps(p, image.space, degree):
         if isinstance(step, Linear):
             calls.append(f"linear(v, k + {len(numbers)}, {planes}, {len(step.matrix)}, {step.present});")
             planes = len(step.matrix)
+        elif isinstance(step, Fitted):
+            layout = f"{step.found.roots}, {step.found.shift}, {step.found.degree}"
+            calls.append(f"FITTED({step.exact.name}, (k + {len(numbers)}), {planes}, {layout})")
         else:
             calls.append(f"{step.name}(v, k + {len(numbers)}, {planes});")
         numbers += step.numbers
@@ -293,6 +307,48 @@ class Single:
     @staticmethod
     def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
         return evaluate(inputs["image"], parameters, np.float32)
+
+
+def _fitted_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    value, rounding = (_walk(p, facts["image"], degree=round(knob), bare=bare).error for bare in (False, True))
+    alone = _single_error(p, 0.0, facts).typical
+    return Error(value, "estimate", rounding, None if alone is None else alone + (value - rounding))
+
+
+def _fitted_unfit(p: Parameters, facts: InputFacts) -> str | None:
+    image = facts["image"]
+    if not any(isinstance(step, Fitted) for step in _steps(p, image.space, DEGREES[0])):
+        return "no curve on the way is quicker as polynomials"
+    if not _walk(p, image, degree=DEGREES[0]).held:
+        return "what lies beyond 1 before a curve is computed"
+    return _single_unfit(p, facts)
+
+
+def _fitted_work(p: Parameters, knob: float, facts: InputFacts) -> float:
+    """Of `single`, a power as polynomials counting as a third."""
+    steps = _steps(p, facts["image"].space, DEGREES[0])
+    saved = sum(isinstance(step, Fitted) for step in steps)
+    return _work(p, 0.0, facts) - facts["image"].pixels * saved * (3.2 - 0.1 * knob)
+
+
+@convert.method(
+    "fitted",
+    error=_fitted_error,
+    work=_fitted_work,
+    rates={"opencl": Rate(3e-4, 3e-10), "numpy": Rate(1e-4, 8e-9)},
+    knob=Knob("degree", DEGREES, "degree of the polynomials", DEGREES[0], DEGREES[-1]),
+    unfit=_fitted_unfit,
+)
+class ByPolynomials:
+    """As `single`, the curves of sRGB, BT.2020 and PQ's signal as four polynomials each, for values up to 1."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return launch(device, inputs["image"], parameters, round(knob))
+
+    @staticmethod
+    def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return evaluate(inputs["image"], parameters, np.float32, round(knob))
 
 
 def _double_error(p: Parameters, knob: float, facts: InputFacts) -> Error:

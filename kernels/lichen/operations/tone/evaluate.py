@@ -14,6 +14,7 @@ import numpy as np
 
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.operations.tone.curves import PQ_C3, PQ_LIMIT, PQ_M1, PQ_M2, PQ_Q, Form, pq_ceiling_signal
+from lichen.operations.tone.fitted import Fit
 from lichen.operations.tone.tables import Table
 from lichen.processors import threads
 
@@ -25,8 +26,11 @@ SHARE = 16
 F = np.float32
 
 
-def evaluate(pixels: Array, form: Form, *, clamped: bool, table: Table | None = None) -> Array:
-    """The curve of every sample, float32, same shape. With a table, samples up to its top are interpolated."""
+def evaluate(
+    pixels: Array, form: Form, *, clamped: bool, table: Table | None = None, found: Fit | None = None
+) -> Array:
+    """The curve of every sample, float32, same shape. With a table, samples up to its top are interpolated; with a fit
+    they are those of its polynomials."""
     source = aligned(pixels).reshape(-1)
     out = aligned_empty(pixels.shape)
     flat = out.reshape(-1)
@@ -36,7 +40,7 @@ def evaluate(pixels: Array, form: Form, *, clamped: bool, table: Table | None = 
         with np.errstate(all="ignore"):
             for at in range(start, min(start + SHARE * BLOCK, flat.size), BLOCK):
                 x, y = source[at : at + BLOCK], flat[at : at + BLOCK]
-                _block(x, y, scratch[:, : x.size], form, clamped, table)
+                _block(x, y, scratch[:, : x.size], form, clamped, table, found)
 
     starts = range(0, flat.size, SHARE * BLOCK)
     if len(starts) == 1:
@@ -48,7 +52,9 @@ def evaluate(pixels: Array, form: Form, *, clamped: bool, table: Table | None = 
     return out
 
 
-def _block(x: Array, y: Array, scratch: Array, form: Form, clamped: bool, table: Table | None) -> None:
+def _block(
+    x: Array, y: Array, scratch: Array, form: Form, clamped: bool, table: Table | None, found: Fit | None
+) -> None:
     signed, a, *spare = scratch
     np.add(x, F(form.shift), out=signed)
     positive = bool(signed.min() >= 0)  # most blocks are, and then the sign needs no work; false where there is NaN
@@ -58,7 +64,9 @@ def _block(x: Array, y: Array, scratch: Array, form: Form, clamped: bool, table:
         np.maximum(signed, F(0), out=a)
     else:
         np.abs(signed, out=a)
-    if table is None:
+    if found is not None:
+        _fitted(a, y, spare, form, found)
+    elif table is None:
         BODIES[form.body](a, y, spare, form)
     else:
         _interpolate(a, y, spare, form, table)
@@ -174,6 +182,15 @@ BODIES: dict[str, Callable[[Array, Array, list[Array], Form], None]] = {
     "pq_decode": _pq_decode,
     "pq_encode": _pq_encode,
 }
+
+
+def _fitted(a: Array, y: Array, spare: list[Array], form: Form, found: Fit) -> None:
+    """What lies beyond the fit, and NaN, is computed."""
+    y[...] = found(a)
+    if not a.max() <= found.top:
+        part, *rest = spare
+        BODIES[form.body](a, part, [*rest, np.empty_like(a)], form)
+        np.copyto(y, part, where=~(a <= F(found.top)))
 
 
 def _interpolate(a: Array, y: Array, spare: list[Array], form: Form, table: Table) -> None:

@@ -10,7 +10,7 @@ the power, `table` interpolates it linearly.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -19,22 +19,23 @@ from lichen.errors import Flaw
 from lichen.memory import Array
 from lichen.operation import (
     POINTWISE,
-    Error,
     Facts,
     HardCase,
     Input,
     InputFacts,
     Inputs,
     Light,
+    Method,
     Operation,
     OperationParameters,
 )
 from lichen.operations.tone.curves import Curve, Direction
-from lichen.operations.tone.transfer import Exponent, Negative, transfer
-from lichen.operations.tone.transfer import Parameters as TransferParameters
+from lichen.operations.tone.transfer import transfer
+from lichen.operations.tone.transfer_parameters import Exponent, Negative
+from lichen.operations.tone.transfer_parameters import Parameters as TransferParameters
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from typing import Any
 
     from lichen.image import Image
@@ -119,46 +120,44 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     return result
 
 
-_EXACT, _TABLE = transfer.methods["exact"], transfer.methods["table"]
+class Taken:
+    """The bodies of transfer's method."""
+
+    taken: ClassVar[Method[TransferParameters]]
+
+    @classmethod
+    def opencl(cls, device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return cls.taken.implementation.opencl(device, inputs, parameters.as_transfer, knob)
+
+    @classmethod
+    def numpy(cls, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return cls.taken.implementation.numpy(inputs, parameters.as_transfer, knob)
 
 
-def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    return _EXACT.error(p.as_transfer, knob, facts)
+def _declare(name: str) -> Callable[[type[Taken]], type[Taken]]:
+    """Declares a body as transfer's method of the same name, seen by these parameters."""
+    taken = transfer.methods[name]
+
+    def register(body: type[Taken]) -> type[Taken]:
+        body.taken = taken
+        gamma.method(
+            name,
+            error=lambda p, knob, facts: taken.error(p.as_transfer, knob, facts),
+            work=lambda p, knob, facts: taken.work(p.as_transfer, knob, facts),
+            rates=taken.rates,
+            knob=taken.knob,
+            unfit=lambda p, facts: taken.unfit(p.as_transfer, facts),
+        )(body)
+        return body
+
+    return register
 
 
-@gamma.method(
-    "exact",
-    error=_error,
-    work=lambda p, knob, facts: _EXACT.work(p.as_transfer, knob, facts),
-    rates=_EXACT.rates,
-)
-class Exact:
+@_declare("exact")
+class Exact(Taken):
     """The power in float32, to a few roundings times its exponent."""
 
-    @staticmethod
-    def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return _EXACT.implementation.opencl(device, inputs, parameters.as_transfer, knob)
 
-    @staticmethod
-    def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return _EXACT.implementation.numpy(inputs, parameters.as_transfer, knob)
-
-
-@gamma.method(
-    "table",
-    error=lambda p, knob, facts: _TABLE.error(p.as_transfer, knob, facts),
-    work=lambda p, knob, facts: _TABLE.work(p.as_transfer, knob, facts),
-    rates=_TABLE.rates,
-    knob=_TABLE.knob,
-    unfit=lambda p, facts: _TABLE.unfit(p.as_transfer, facts),
-)
-class Interpolated:
+@_declare("table")
+class Interpolated(Taken):
     """Linear interpolation in a table whose cells shrink with the sample; proved up to 1, computed above it."""
-
-    @staticmethod
-    def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return _TABLE.implementation.opencl(device, inputs, parameters.as_transfer, knob)
-
-    @staticmethod
-    def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        return _TABLE.implementation.numpy(inputs, parameters.as_transfer, knob)

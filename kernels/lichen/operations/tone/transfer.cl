@@ -9,6 +9,8 @@
 //   MOVED     1 where k[SHIFT] is to be added first, which makes 0 of -0 too, else 0
 //   SHIFTED   1 where k[OFFSET] is to be added, else 0
 //   CLAMPED   0 where negative values are mirrored, 1 where they are no light
+//   DEGREE    0, or that of the body as polynomials (fitted.clh), with
+//   ROOTS, SHIFTED_BITS   of its places
 //   COVERAGE  0, or the number of channels, of which the last is coverage and passes as it is
 //
 // The numbers of a form arrive in `k`, in the order of transfer.clh.
@@ -37,7 +39,7 @@ kernel void exact(global const float *restrict in, global float *restrict out, g
     if (at >= samples)
         return;
     float16 x = flat_load(in, at, samples), far = moved(x, k), a = distance(far);
-    flat_store(flat_keep_coverage(ended(far, a, BODY(a, k), k), x, at), out, at, samples);
+    flat_store(flat_keep_coverage(ended(far, a, body(a, k), k), x, at), out, at, samples);
 }
 
 // `table` holds (value, rise to the next node): first the line below the first node, then the nodes, whose bit patterns

@@ -26,16 +26,15 @@ a curve has no limit; light beyond float32's range becomes infinite.
 
 Methods: `exact` evaluates the curve; `table` interpolates linearly in 256 to 65536 cells and evaluates what lies above
 the table's top. Curves of logarithms and exponentials alone have no table, which would save nothing (tabled.py).
+`cubic` and `sextic` take powers behind a toe, and PQ's signal, as polynomials of samples up to 1 (fitted.py).
 """
 
 from __future__ import annotations
 
-from enum import StrEnum
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field, field_validator
 
 from lichen.errors import Flaw
 from lichen.image import Alpha, Extent, Space
@@ -51,100 +50,31 @@ from lichen.operation import (
     Knob,
     Light,
     Operation,
-    OperationParameters,
     Rate,
 )
-from lichen.operations.tone import curves, standards
-from lichen.operations.tone.curves import FLOAT_MAX, WHOLE, Curve, Direction, Form
-from lichen.operations.tone.definitions import LOGC3, Definition, definition
+from lichen.operations.tone import standards
+from lichen.operations.tone.curves import FLOAT_MAX, WHOLE, Curve, Direction
 from lichen.operations.tone.evaluate import evaluate
 from lichen.operations.tone.piecewise import held
-from lichen.operations.tone.shapes import Pieced, Powers, Shape, Whole
+from lichen.operations.tone.shapes import Pieced, Powers, Whole
 from lichen.operations.tone.tabled import Tabled, pays, tabled
 from lichen.operations.tone.tabled import numpy as by_pieces_numpy
 from lichen.operations.tone.tabled import opencl as by_pieces_opencl
 from lichen.operations.tone.tables import tabulate
 from lichen.operations.tone.transfer_cases import CASES
-from lichen.operations.tone.transfer_launch import constants, definitions, launch
+from lichen.operations.tone.transfer_launch import constants, definitions, fitted, launch
+from lichen.operations.tone.transfer_parameters import WHITE, Parameters, form, shape, stated
 from lichen.stage import Stage
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
-Luminance = Annotated[float, Field(json_schema_extra={"unit": "cd/m2"})]
-Exponent = Annotated[float, Field(ge=0.1, le=10)]
-
 HALF_MAX = 65504.0
 """Light up to which tables reach at most."""
+SHORT, LONG = 3, 6
+"""Degrees of fitted polynomials."""
 KNOWN = 1024
 """Answers that predictions keep: a planner asks for the same many times over."""
-WHITE = {Curve.PQ: 203.0, Curve.BT1886: 100.0, Curve.ST428: 48.0, Curve.DICOM_GSDF: 100.0}
-"""cd/m2 of linear 1 where the caller names none: graphics white of ITU-R BT.2408, the reference display of BT.2035, the
-reference projector of SMPTE RP 431-2"""
-
-
-class Negative(StrEnum):
-    """What becomes of negative values."""
-
-    MIRROR = "mirror"
-    CLAMP = "clamp"
-
-
-class Parameters(OperationParameters):
-    curve: Curve = Curve.SRGB
-    """the transfer function"""
-    direction: Direction = Direction.DECODE
-    """decode: signal to linear light; encode: linear light to signal"""
-    gamma: Exponent | Annotated[tuple[Exponent, ...], Field(min_length=1, max_length=64)] = 2.2
-    """decoding exponent, for curve=gamma, or one for each colour channel; encoding takes its reciprocal"""
-    exposure_index: int = Field(800, ge=160, le=1600)
-    """for curve=arri_logc3: 160, 200, 250, 320, 400, 500, 640, 800, 1000, 1280 or 1600"""
-    white: Luminance | None = Field(None, ge=1, le=10000)
-    """luminance that linear 1 stands for, for curve=pq (203 unless given), bt1886 (100), st428 (48) and dicom_gsdf
-    (100)"""
-    black: Luminance = Field(0, ge=0, le=1000)
-    """luminance of the display's black, for curve=bt1886; below white"""
-    negative: Negative = Negative.MIRROR
-    """negative light: mirror keeps it, by odd extension or as the curve's standard says; clamp makes it none"""
-
-    @field_validator("exposure_index")
-    @classmethod
-    def _printed(cls, index: int) -> int:
-        if index not in LOGC3:
-            raise ValueError("must be one of " + ", ".join(map(str, LOGC3)))
-        return index
-
-    @property
-    def nominal_white(self) -> float:
-        return WHITE.get(self.curve, 1.0) if self.white is None else self.white
-
-    @property
-    def clamped(self) -> bool:
-        return self.negative is Negative.CLAMP
-
-
-@lru_cache(maxsize=64)
-def form(p: Parameters) -> Form:
-    """The parameters' curve as computed, of those in `WHOLE` with one gamma."""
-    gamma = p.gamma if isinstance(p.gamma, float) else p.gamma[0]
-    return curves.form(p.curve, p.direction, gamma=gamma, white=p.nominal_white, black=p.black)
-
-
-def _definition(p: Parameters) -> Definition:
-    return definition(p.curve, white=p.nominal_white, exposure_index=p.exposure_index)
-
-
-@lru_cache(maxsize=256)
-def shape(p: Parameters) -> Shape:
-    """The same of every curve."""
-    encode = p.direction is Direction.ENCODE
-    if p.curve is Curve.GAMMA and isinstance(p.gamma, tuple):
-        return Powers(tuple(1 / g if encode else g for g in p.gamma), p.clamped)
-    if p.curve in WHOLE:
-        return Whole(form(p), p.clamped)
-    curve = _definition(p).curve(encode)
-    return Pieced(held(curve, encode) if p.clamped else curve)
-
 
 # ------------------------------------------------------------------------------------------------------ declaration
 
@@ -230,7 +160,7 @@ def _inverse(p: Parameters) -> Parameters | None:
     """The other direction, where no two values have the same result: not clamped, not decoding into a plateau."""
     if p.clamped or (p.direction is Direction.DECODE and p.curve in (Curve.PQ, Curve.BT709)):
         return None
-    if p.curve not in WHOLE and not _definition(p).undone(p.direction is Direction.ENCODE):
+    if p.curve not in WHOLE and not stated(p).undone(p.direction is Direction.ENCODE):
         return None
     other = Direction.ENCODE if p.direction is Direction.DECODE else Direction.DECODE
     return p.model_copy(update={"direction": other})
@@ -282,7 +212,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
             y = standards.STANDARDS[p.curve](size, decode, p.gamma, p.nominal_white)
             y = np.where(x < 0, -y, y) if not p.clamped else y
         else:
-            curve = _definition(p).curve(not decode)
+            curve = stated(p).curve(not decode)
             y = (held(curve, not decode) if p.clamped else curve)(x)
     result[..., : image.colours] = y
     return result
@@ -302,11 +232,11 @@ def _exact_error(p: Parameters, facts: Facts) -> Error:
     return Error(value, "estimate", rounding=value)
 
 
-def _stage(p: Parameters, facts: InputFacts) -> Stage | None:
+def _stage(p: Parameters, facts: InputFacts, degree: int = 0) -> Stage | None:
     """For fused kernels; curves of several pieces and exponents by channel run alone."""
     if p.curve not in WHOLE or isinstance(p.gamma, tuple):
         return None
-    made = definitions(form(p), p.clamped), tuple(map(float, constants(form(p))))
+    made = definitions(form(p), p.clamped, degree), tuple(map(float, constants(form(p), degree)))
     return Stage("tone/transfer_stage.clh", *made)
 
 
@@ -335,7 +265,7 @@ def _tabled(p: Parameters, size: int) -> Tabled:
     """The table of a curve of pieces, up to signal 1."""
     curve = shape(p)
     assert isinstance(curve, Pieced)
-    reach = 1.0 if p.direction is Direction.DECODE else min(_definition(p).curve(encode=False).at(1.0), HALF_MAX)
+    reach = 1.0 if p.direction is Direction.DECODE else min(stated(p).curve(encode=False).at(1.0), HALF_MAX)
     return tabled(curve.curve, reach, size)
 
 
@@ -396,3 +326,69 @@ class Interpolated:
         if image.alpha is not Alpha.NONE:
             out[..., -1] = image.pixels[..., -1]
         return out
+
+
+def _fitted_unfit(p: Parameters, facts: InputFacts) -> str | None:
+    curve, image = shape(p), facts["image"]
+    found = fitted(curve.form, SHORT) if isinstance(curve, Whole) else None
+    if not isinstance(curve, Whole) or found is None:
+        return "a curve of other terms than powers is computed as fast"
+    far = max(abs(x + curve.form.shift) for x in curve.seen(image.extent.low, image.extent.high))
+    return None if far <= found.top else "what lies beyond 1 is computed"
+
+
+def _fitted_error(p: Parameters, degree: int, facts: InputFacts) -> Error:
+    curve, beyond = shape(p), _exact_error(p, facts["image"])
+    found = fitted(curve.form, degree) if isinstance(curve, Whole) else None
+    if not isinstance(curve, Whole) or found is None:
+        return beyond
+    rounding = found.rounding + 2 * ROUNDING * abs(curve.form.offset)
+    value = max(found.error + rounding, ROUNDING, beyond.value if _fitted_unfit(p, facts) else 0.0)
+    return Error(value, "estimate", max(rounding, ROUNDING))
+
+
+class Fitted:
+    """The bodies of methods by polynomials of a degree."""
+
+    degree: int
+
+    @classmethod
+    def opencl(cls, device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        return launch(device, inputs["image"], form(parameters), parameters.clamped, "exact", degree=cls.degree)
+
+    @classmethod
+    def numpy(cls, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
+        image = inputs["image"]
+        found = fitted(form(parameters), cls.degree)
+        out = evaluate(image.pixels, form(parameters), clamped=parameters.clamped, found=found)
+        if image.alpha is not Alpha.NONE:
+            out[..., -1] = image.pixels[..., -1]
+        return out
+
+
+@transfer.method(
+    "cubic",
+    error=lambda p, knob, facts: _fitted_error(p, SHORT, facts),
+    work=lambda p, knob, facts: facts["image"].samples,
+    rates={"opencl": Rate(3e-4, 3.2e-10), "numpy": Rate(8e-5, 1.2e-8)},
+    unfit=_fitted_unfit,
+    stage=lambda p, facts: _stage(p, facts, SHORT),
+)
+class Cubic(Fitted):
+    """Four cubic polynomials instead of a power, chosen by the sample's bits."""
+
+    degree = SHORT
+
+
+@transfer.method(
+    "sextic",
+    error=lambda p, knob, facts: _fitted_error(p, LONG, facts),
+    work=lambda p, knob, facts: facts["image"].samples,
+    rates={"opencl": Rate(3e-4, 3.6e-10), "numpy": Rate(8e-5, 1.8e-8)},
+    unfit=_fitted_unfit,
+    stage=lambda p, facts: _stage(p, facts, LONG),
+)
+class Sextic(Fitted):
+    """Four polynomials of degree 6 instead of a power: as exact as float32 for the curves of displays."""
+
+    degree = LONG

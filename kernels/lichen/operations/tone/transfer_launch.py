@@ -14,11 +14,26 @@ from lichen.opencl.device import Device
 from lichen.operations.tone import curves
 from lichen.operations.tone.curves import Form
 from lichen.operations.tone.evaluate import ceiling32
+from lichen.operations.tone.fitted import Fit, Layout, fit
 
 
 @lru_cache(maxsize=256)
-def constants(shape: Form) -> Array:
-    """The numbers that transfer.cl reads, float32, in its order; nobody writes them."""
+def fitted(shape: Form, degree: int) -> Fit | None:
+    """A power that begins with a toe, or PQ's signal of light, as polynomials of samples up to 1; None of other curves:
+    those of a power alone would not make 0 of 0."""
+    if shape.body == "pq_encode":
+        layout = Layout(roots=2, bits=0)
+    elif shape.body == "power" and shape.knee > 0:
+        layout = Layout(roots=0 if shape.convex else 1, bits=0)
+    else:
+        return None
+    return fit(shape.upper, 1.0 + shape.shift, degree, layout, shape.knee)
+
+
+@lru_cache(maxsize=256)
+def constants(shape: Form, degree: int = 0) -> Array:
+    """The numbers that transfer.cl reads, float32, in its order, with a degree its polynomials' too; nobody writes
+    them."""
     power, inner, outer = shape.exponent, shape.inner, shape.outer
     if shape.body == "exponential":
         power /= math.log(2)
@@ -33,7 +48,8 @@ def constants(shape: Form) -> Array:
         *(shape.shift, shape.offset, shape.toe_scale, float(ceiling32(shape.knee)), shape.floor),
         *(inner, shape.lift, high, power - high, outer, shape.drop, curves.pq_ceiling_signal()),
     )
-    made = aligned(np.array(numbers, dtype=np.float32))
+    found = fitted(shape, degree) if degree else None
+    made = aligned(np.array([*numbers, *((found.top, *found.numbers) if found else ())], dtype=np.float32))
     made.flags.writeable = False
     return made
 
@@ -53,8 +69,9 @@ def _body(shape: Form) -> str:
     return "power_of_sum" if shape.lift else "sum_of_power"
 
 
-def definitions(shape: Form, clamped: bool) -> dict[str, int | float | str]:
+def definitions(shape: Form, clamped: bool, degree: int = 0) -> dict[str, int | float | str]:
     """What a curve's text is built with. PQ's signal of no light is not 0, so its zero must have no sign."""
+    found = fitted(shape, degree) if degree else None
     return {
         "BODY": _body(shape),
         "TOE": shape.toe,
@@ -62,20 +79,26 @@ def definitions(shape: Form, clamped: bool) -> dict[str, int | float | str]:
         "MOVED": int(shape.shift != 0 or shape.body == "pq_encode"),
         "SHIFTED": int(shape.offset != 0),
         "CLAMPED": int(clamped),
+        "DEGREE": found.degree if found else 0,
+        "ROOTS": found.roots if found else 0,
+        "SHIFTED_BITS": found.shift if found else 0,
     }
 
 
-def launch(device: Device, image: Image, shape: Form, clamped: bool, kernel: str, *arguments: Any) -> Array:
-    """The colour channels through a kernel of transfer.cl; `arguments` come between its constants and the count."""
+def launch(
+    device: Device, image: Image, shape: Form, clamped: bool, kernel: str, *arguments: Any, degree: int = 0
+) -> Array:
+    """The colour channels through a kernel of transfer.cl; `arguments` come between its constants and the count. With a
+    degree the curve is fitted polynomials."""
     source = aligned(image.pixels)
     out = aligned_empty(source.shape)
     coverage = image.channels if image.alpha is not Alpha.NONE else 0
-    defines = {**definitions(shape, clamped), "COVERAGE": coverage}
+    defines = {**definitions(shape, clamped, degree), "COVERAGE": coverage}
     samples = source.size
     with device.session() as session:
         session.launch(
             "tone/transfer.cl", kernel, (-(-samples // 16),),
-            source, session.write(out), constants(shape), *arguments, np.uint64(samples),
+            source, session.write(out), constants(shape, degree), *arguments, np.uint64(samples),
             defines=defines,
         )  # fmt: skip
     return out

@@ -18,7 +18,8 @@ from lichen.opencl.device import default_device
 from lichen.operation import Facts
 from lichen.operations.tone.curves import WHOLE, Curve, Direction
 from lichen.operations.tone.definitions import LOGC3, TABLE
-from lichen.operations.tone.transfer import Parameters, shape, transfer
+from lichen.operations.tone.transfer import transfer
+from lichen.operations.tone.transfer_parameters import Parameters, shape
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")

@@ -13,7 +13,8 @@ from lichen.operation import Facts
 from lichen.operations.tone.curves import WHOLE, Curve, Direction
 from lichen.operations.tone.definitions import definition
 from lichen.operations.tone.tabled import Tabled, pays, tabled
-from lichen.operations.tone.transfer import Parameters, transfer
+from lichen.operations.tone.transfer import transfer
+from lichen.operations.tone.transfer_parameters import Parameters
 
 TABLE = transfer.methods["table"]
 WAYS = [

@@ -19,7 +19,8 @@ from lichen.opencl.device import default_device
 from lichen.operation import Facts
 from lichen.operations.tone import tables
 from lichen.operations.tone.curves import WHOLE, Curve, Direction
-from lichen.operations.tone.transfer import Parameters, form, transfer
+from lichen.operations.tone.transfer import transfer
+from lichen.operations.tone.transfer_parameters import Parameters, form
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
