@@ -67,10 +67,10 @@ def test_what_is_stored_is_read_and_added_to() -> None:
     assert times.current("numpy") == {("gaussian", "fir"): Rate(1e-4, 2e-11), ("lic", "rk2"): Rate(0.0, 1e-9)}
     assert times.current("opencl") == {}
     assert [each.name for each in path.parent.iterdir()] == [path.name]
-    assert times.pace("numpy") is None
+    assert times.pace("numpy") == ()
     apart = Rate(1e-4, 2e-11, {"cafe": Rate(2e-4, 3e-11)})
-    times.store("numpy", {("gaussian", "fir"): apart}, 1e-3)
-    assert (times.current("numpy")["gaussian", "fir"], times.pace("numpy")) == (apart, 1e-3)
+    times.store("numpy", {("gaussian", "fir"): apart}, [1e-3, 2e-3])
+    assert (times.current("numpy")["gaussian", "fir"], times.pace("numpy")) == (apart, (1e-3, 2e-3))
 
 
 @pytest.mark.parametrize(
@@ -175,16 +175,12 @@ def test_what_a_slow_machine_takes_counts_as_it_would_be_at_its_usual_pace(monke
 
     monkeypatch.setattr("lichen.calibration.pace.time.perf_counter", lambda: now[0])
     slow = [1.0]
-    beside = Pace(lambda: void(elapse(1e-3 * slow[0])), known=1e-3)
+    beside = Pace([lambda: elapse(1e-3 * slow[0]), lambda: elapse(2e-3)], known=[1e-3, 2e-3])
     assert beside.paced(lambda: elapse(5.0)) == pytest.approx(5.0)
-    slow[0] = 1.75
-    found = [beside.paced(lambda: elapse(5.0 * 1.75)) for _ in range(9)]
-    assert found[0] == pytest.approx(8.75)  # one slow run may be anything
+    slow[0] = 4.0
+    found = [beside.paced(lambda: elapse(5.0 * 2)) for _ in range(9)]
+    assert found[0] == pytest.approx(10.0)  # one slow run may be anything
     assert found[-1] == pytest.approx(5.0)
-
-
-def void(told: object) -> None:
-    """For calls whose results do not count."""
 
 
 def test_a_disturbed_run_is_made_again() -> None:

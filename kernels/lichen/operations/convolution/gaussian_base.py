@@ -17,7 +17,16 @@ from lichen.operations.convolution.gaussian_weights import dct_modes, fir_radius
 from lichen.operations.convolution.missing import Missing, check_mask, leaves_out, renormalised_error
 from lichen.operations.convolution.passes import rows_laid_out
 from lichen.operations.convolution.recursive import BLOCK
-from lichen.operations.convolution.recursive_filters import NARROWEST, Filter, deriche, distance, vliet_young
+from lichen.operations.convolution.recursive_filters import (
+    NARROWEST,
+    Filter,
+    deriche,
+    deriche_extent,
+    distance,
+    rounding,
+    vliet_young,
+    vliet_young_extent,
+)
 from lichen.operations.convolution.stencil import banded
 from lichen.processors import threads
 
@@ -229,20 +238,37 @@ def recursive_error(filters: Filters) -> Callable[[Parameters, float, InputFacts
         wide, magnitude = spread(p, facts)
         (down, across), (below, beside) = filters(p, order), _within(p, 1e-2)
         apart = distance(down, below) * across.gain + distance(across, beside)
-        rounding = 1.01 * (down.rounding(BLOCK) * across.gain + across.rounding(BLOCK) * down.gain) * magnitude
-        return Error(1.001 * apart * wide + rounding, "bound", rounding)
+        rounded = rounding(down, BLOCK) * across.gain + rounding(across, BLOCK) * down.gain
+        least = 1.01 * rounded * magnitude
+        return Error(1.001 * apart * wide + least, "bound", least)
 
     return error
 
 
-def recursive_work(filters: Filters) -> Callable[[Parameters, float, InputFacts], float]:
+def deriche_extents(p: Parameters, order: float) -> tuple[Extent, Extent]:
+    """Of `deriche_filters`."""
+    down, across = _within(p, 1e-2)
+    return deriche_extent(down, int(order) // 2 * 2), deriche_extent(across, int(order) // 2 * 2)
+
+
+def vliet_young_extents(p: Parameters, order: float) -> tuple[Extent, Extent]:
+    """Of `vliet_young_filters`."""
+    down, across = _within(p, NARROWEST)
+    return vliet_young_extent(down, int(order)), vliet_young_extent(across, int(order))
+
+
+Extent = tuple[int, int]
+"""The reach of a filter, and how many poles it has."""
+Extents = Callable[[Parameters, float], tuple[Extent, Extent]]
+
+
+def recursive_work(extents: Extents) -> Callable[[Parameters, float, InputFacts], float]:
     """Steps of the states, beside what it takes to read, turn and write the image twice; and sums before each line."""
 
     def work(p: Parameters, order: float, facts: InputFacts) -> float:
         image, total = facts["image"], 0.0
-        for each, side in zip(filters(p, order), (image.height, image.width), strict=True):
-            begun = min(each.reach / side, 1.0)
-            total += image.samples * (PASSED + len(each.poles) * (12 + 26 * begun))
+        for (reach, poles), side in zip(extents(p, order), (image.height, image.width), strict=True):
+            total += image.samples * (PASSED + poles * (12 + 26 * min(reach / side, 1.0)))
         return total
 
     return work
