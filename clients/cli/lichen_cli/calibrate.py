@@ -1,7 +1,9 @@
 """`lichen calibrate`: measure how fast the methods are on this machine, so that plans promise its times.
 
 What is measured is kept at once; a calibration that was interrupted goes on where it stopped. With `--errors` the error
-table of a checkout is computed anew instead, which says nothing of time and is the same on every machine.
+table of a checkout is computed anew instead, which says nothing of time and is the same on every machine. With
+`--kinds` nothing is measured: how kinds of requests compare by the times that are known here is written into the
+checkout, for quick calibrations anywhere.
 """
 
 from __future__ import annotations
@@ -23,7 +25,13 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--quick", action="store_true", help="short runs, fewer of them")
     parser.add_argument("--operation", metavar="NAME", help="only this one")
     parser.add_argument("--errors", action="store_true", help="compute the error table of this checkout instead")
+    parser.add_argument("--kinds", action="store_true", help="write how kinds of requests compare into this checkout")
     given = parser.parse_args(arguments)
+    if given.kinds:
+        from lichen.calibration import kinds
+
+        print(kinds.save())
+        return 0
 
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn

@@ -71,12 +71,12 @@ class Pace:
         seconds = run()
         self._beat()
         now = [statistics.median([taken[-1 - n] for n in range(RECENT)]) for taken in self._taken]
-        return seconds * math.prod(self.usual) ** (1 / len(now)) / math.prod(now) ** (1 / len(now))
+        return seconds * (math.prod(self.usual) / math.prod(now)) ** (1 / len(now))
 
     @property
     def usual(self) -> list[float]:
         """Seconds of each task."""
-        return [statistics.median(taken) for taken in self._taken]
+        return [float(np.median(taken)) for taken in self._taken]
 
     def _beat(self) -> None:
         for task, taken in zip(self._tasks, self._taken, strict=True):

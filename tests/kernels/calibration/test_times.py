@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +15,9 @@ from lichen.accuracy import times
 from lichen.calibration.calibrate import Outcome, calibrate
 from lichen.calibration.corpus import typical
 from lichen.calibration.fit import Sample, fit, misses
+from lichen.calibration.kinds import NAME, compared, known
 from lichen.calibration.pace import Pace
-from lichen.calibration.timing import QUICK, Cell, Plan, Timing, cells
+from lichen.calibration.timing import QUICK, THOROUGH, Cell, Plan, Timing, cells
 from lichen.calibration.turns import REPEATS, Effort, timed
 from lichen.catalogue import operation, operations
 from lichen.kind import kind
@@ -129,7 +132,7 @@ def test_requests_of_a_kind_have_their_own_times() -> None:
 @pytest.mark.parametrize("name", operations())
 @pytest.mark.parametrize("backend", ["opencl", "numpy"])
 def test_cells_cover_every_method_with_short_runs(name: str, backend: str) -> None:
-    chosen = cells(operation(name), backend, QUICK)
+    chosen = cells(operation(name), backend, THOROUGH)
     owner, taken = operation(name), set()
     for example in owner.examples:
         parameters = owner.sized(owner.validate(example), 32, 32)
@@ -141,7 +144,44 @@ def test_cells_cover_every_method_with_short_runs(name: str, backend: str) -> No
     assert len(set(chosen)) == len(chosen)
     for way in taken:
         own = [cell.predicted for cell in chosen if (cell.method, cell.kind) == way]
-        assert max(own) <= QUICK.longest or len(own) == 1
+        assert max(own) <= THOROUGH.longest or len(own) == 1
+    quick = cells(owner, backend, QUICK)
+    assert {cell.method for cell in quick} == {method for method, _ in taken}
+    for method in {cell.method for cell in quick}:
+        own = [cell for cell in quick if cell.method == method]
+        assert len({(cell.example, cell.knob) for cell in own}) == 1
+        assert len(own) <= 2
+        assert max(cell.predicted for cell in own) <= QUICK.longest or len(own) == 1
+
+
+def test_kinds_that_were_not_measured_are_known_by_one_that_was() -> None:
+    told = {"plain": Rate(1e-3, 1e-9), "masked": Rate(2e-3, 5e-9), "small": Rate(0.0, 3e-9)}
+    twice = compared(told, "plain", [Sample(work, 2 * told["plain"].seconds(work)) for work in (1e3, 1e7)])
+    for name, rate in told.items():
+        assert (twice[name].start, twice[name].step) == pytest.approx((2 * rate.start, 2 * rate.step), rel=1e-3)
+    slow = compared(told, "small", [Sample(work, 1e-3 + 6e-9 * work) for work in (1e3, 1e7)])
+    assert slow["masked"].seconds(1e9) == pytest.approx(2 * told["masked"].seconds(1e9), rel=0.1)
+    assert compared(told, "unheard", [Sample(1e3, 1.0)]) == {}
+
+
+def test_the_table_of_kinds_is_of_this_catalogue() -> None:
+    listed = [
+        json.loads(line.rstrip(","))
+        for line in files("lichen.calibration").joinpath(NAME).read_text().split("\n")[1:-2]
+    ]
+    assert len(listed) > 100
+    for backend, name, method, own in listed:
+        assert operation(name).methods[method].rates[backend]
+        assert len(known(backend, name, method)) == len(own) > 1
+    told, examples = set(), set()
+    for _, name, _, own in listed:
+        told |= {(name, each) for each in own}
+    for owner in operations().values():
+        for example in owner.examples:
+            parameters = owner.sized(owner.validate(example), 32, 32)
+            examples.add((owner.name, kind(parameters, typical(owner, parameters, 32).inputs)))
+    # Of operations that were given another parameter the kinds have other names, and are measured anew some time.
+    assert len(told & examples) > 0.5 * len(examples)
 
 
 @pytest.mark.usefixtures("steady")
@@ -225,14 +265,15 @@ def test_no_run_is_begun_that_would_take_far_too_long(monkeypatch: pytest.Monkey
         return ran[-1]
 
     monkeypatch.setattr(Cell, "run", run)
-    slow = Timing(operation("premultiply"), "numpy", QUICK)
+    allowed = Plan(longest=0.016, cells=6, passes=3)
+    slow = Timing(operation("premultiply"), "numpy", allowed)
     planned = set(slow.seconds)
-    assert max(50 * cell.predicted for cell in planned) > 4 * QUICK.longest
+    assert max(50 * cell.predicted for cell in planned) > 4 * allowed.longest
     list(slow.steps())
-    assert max(ran) <= 4 * QUICK.longest
+    assert max(ran) <= 4 * allowed.longest
     instead = set(slow.seconds) - planned
     assert instead
-    assert max(50 * cell.predicted for cell in instead) <= QUICK.longest
+    assert max(50 * cell.predicted for cell in instead) <= allowed.longest
 
 
 def test_calls_take_turns_as_often_as_is_affordable() -> None:
