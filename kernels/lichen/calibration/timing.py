@@ -30,7 +30,7 @@ from typing import Any
 
 from lichen.calibration.corpus import Case, typical
 from lichen.calibration.fit import Sample, fit
-from lichen.calibration.kinds import compared, known
+from lichen.calibration.kinds import PLAIN, compared, general, known
 from lichen.calibration.pace import lower_quartile, pace
 from lichen.calibration.sweep import Setting, settings
 from lichen.catalogue import operation
@@ -267,7 +267,8 @@ class Timing:
                 kinds = {each: fit(taken, overall) for each, taken in own.items()} if len(own) > 1 else {}
             else:
                 ((kind, taken),) = own.items()
-                kinds = compared(known(self.backend, self.owner.name, name), kind, taken)
-                overall = kinds.get(kind, overall)
+                told = known(self.backend, self.owner.name, name)
+                kinds = compared(told, kind, taken, general(self.backend, pace(self.backend).usual))
+                overall = kinds.get(kind) or kinds.pop(PLAIN, overall)
             found[self.owner.name, name] = Rate(overall.start, overall.step, kinds)
         return found

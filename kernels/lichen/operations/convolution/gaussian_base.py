@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Annotated
 
 from pydantic import Field
@@ -276,6 +276,25 @@ def recursive_work(extents: Extents) -> Callable[[Parameters, float, InputFacts]
 
 PASSED = 80.0
 """Multiply-adds that take as long as moving a sample through one pass along lines."""
+
+
+APART: Mapping[str, Mapping[float, float]] = {
+    "deriche": {2: 0.016, 4: 2.4e-4, 6: 3.3e-6, 8: 4.9e-8},
+    "vliet-young": {3: 9.9e-3, 4: 3.1e-3, 5: 1.0e-3},
+    "box3": {0: 0.018, 1: 4.8e-3},
+}
+"""What one pass errs by at least, over the spread of its input, from a deviation of 1 px to `RECURSIVE`."""
+
+
+def least_error(method: str) -> Callable[[Parameters, float, InputFacts], float]:
+    """Of the worse pass, by whole values of the knob."""
+
+    def least(p: Parameters, knob: float, facts: InputFacts) -> float:
+        if p.turned is not None or not 1 <= max(p.deviations) <= RECURSIVE:
+            return 0.0
+        return APART[method].get(knob, 0.0) * spread(p, facts)[0]
+
+    return least
 
 
 def recursive_unfit(p: Parameters, facts: InputFacts, narrowest: float = 1e-2) -> str | None:
