@@ -19,10 +19,16 @@ if TYPE_CHECKING:
     from lichen.operation import Operation
 
 
+QUICKLY = (
+    "one setting of each method at two sizes, and what is known of other kinds of requests; half a minute on two "
+    "processors, and some minutes more where kernels were never built"
+)
+
+
 def main(arguments: Sequence[str]) -> int:
     says = "Measure how fast the methods are on this machine; plans use what was found."
     parser = Parser(prog="lichen calibrate", description=says, allow_abbrev=False)
-    parser.add_argument("--quick", action="store_true", help="short runs, fewer of them")
+    parser.add_argument("--quick", action="store_true", help=QUICKLY)
     parser.add_argument("--operation", metavar="NAME", help="only this one")
     parser.add_argument("--errors", action="store_true", help="compute the error table of this checkout instead")
     parser.add_argument("--kinds", action="store_true", help="write how kinds of requests compare into this checkout")
