@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 QUICKLY = (
-    "one setting of each method at two sizes, and what is known of other kinds of requests; half a minute on two "
+    "one setting of each method at two sizes, and what is known of other kinds of requests: 40 seconds on two "
     "processors, and some minutes more where kernels were never built"
 )
 

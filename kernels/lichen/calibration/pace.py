@@ -71,7 +71,7 @@ class Pace:
         seconds = run()
         self._beat()
         now = [statistics.median([taken[-1 - n] for n in range(RECENT)]) for taken in self._taken]
-        return seconds * (math.prod(self.usual) / math.prod(now)) ** (1 / len(now))
+        return seconds * math.pow(math.prod(self.usual) / math.prod(now), 1 / len(now))
 
     @property
     def usual(self) -> list[float]:
