@@ -100,7 +100,7 @@ def _alone(problem: Problem, measure: Measure) -> Choices | None:
     if any(targets[out] < 0 for out, each in graph.outputs.items() if each.source != name):
         return None
     least = min((targets[out] for out, each in graph.outputs.items() if each.source == name), default=math.inf)
-    able = (offer for offer in offers.in_turn() if offer.least <= least)
+    able = (offer for offer in offers.in_turn() if offer.stated.least <= least)
     return next(({name: offer} for offer in able if measure(offer.error) <= least), None)
 
 

@@ -62,11 +62,6 @@ class Candidate:
         return self.stated.error
 
     @property
-    def least(self) -> float:
-        """What the error is at least, rounding aside."""
-        return self.stated.least
-
-    @property
     def unfit(self) -> str | None:
         """Why it cannot be taken at all."""
         return self.stated.unfit
