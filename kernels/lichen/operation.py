@@ -201,6 +201,9 @@ class Method(Generic[P]):
     scratch: float | None = None
     """what it takes for itself while it runs on OpenCL, in float32 pictures as large as the largest that it reads or
     makes, as measured; None: nothing where the operation is pointwise, else one"""
+    least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0
+    """what its error is at least, and its usual one, rounding aside: known at once where `error` takes long to prove,
+    so that methods that cannot be accurate enough need not be asked"""
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
         return self.rates[backend].seconds(self.work(parameters, knob, facts))
@@ -311,13 +314,14 @@ class Operation(Generic[P]):
         unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None,
         stage: Callable[[P, InputFacts], Stage | None] = no_stage,
         scratch: float | None = None,
+        least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
             self.methods[name] = Method(
-                name, description, implementation, error, work, rates, knob, unfit, stage, scratch
+                name, description, implementation, error, work, rates, knob, unfit, stage, scratch, least
             )
             return implementation
 

@@ -1,7 +1,9 @@
 """`lichen calibrate`: measure how fast the methods are on this machine, so that plans promise its times.
 
 What is measured is kept at once; a calibration that was interrupted goes on where it stopped. With `--errors` the error
-table of a checkout is computed anew instead, which says nothing of time and is the same on every machine.
+table of a checkout is computed anew instead, which says nothing of time and is the same on every machine. With
+`--kinds` nothing is measured: how kinds of requests compare by the times that are known here is written into the
+checkout, for quick calibrations anywhere.
 """
 
 from __future__ import annotations
@@ -17,13 +19,25 @@ if TYPE_CHECKING:
     from lichen.operation import Operation
 
 
+QUICKLY = (
+    "one setting of each method at two sizes, and what is known of other kinds of requests: 40 seconds on two "
+    "processors, and some minutes more where kernels were never built"
+)
+
+
 def main(arguments: Sequence[str]) -> int:
     says = "Measure how fast the methods are on this machine; plans use what was found."
     parser = Parser(prog="lichen calibrate", description=says, allow_abbrev=False)
-    parser.add_argument("--quick", action="store_true", help="short runs, fewer of them")
+    parser.add_argument("--quick", action="store_true", help=QUICKLY)
     parser.add_argument("--operation", metavar="NAME", help="only this one")
     parser.add_argument("--errors", action="store_true", help="compute the error table of this checkout instead")
+    parser.add_argument("--kinds", action="store_true", help="write how kinds of requests compare into this checkout")
     given = parser.parse_args(arguments)
+    if given.kinds:
+        from lichen.calibration import kinds
+
+        print(kinds.save())
+        return 0
 
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn

@@ -20,7 +20,7 @@ import os
 import platform
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
@@ -72,11 +72,11 @@ def current(backend: str) -> Rates:
     return kept[1]
 
 
-def store(backend: str, rates: Rates, pace: float | None = None) -> Path | None:
+def store(backend: str, rates: Rates, pace: Sequence[float] = ()) -> Path | None:
     """Keep `rates` beside those already known, which they replace; None where the folder cannot be written. `pace` is
-    what the task takes by whose speed they were measured (`lichen.calibration.pace`), seconds."""
+    what the tasks take by whose speed they were measured (`lichen.calibration.pace`), seconds."""
     path = path_of(backend)
-    told = {"machine": machine(backend), "pace": pace, "rates": _listed({**current(backend), **rates})}
+    told = {"machine": machine(backend), "pace": list(pace), "rates": _listed({**current(backend), **rates})}
     return path if write(path, json.dumps(told, indent=1)) else None
 
 
@@ -102,13 +102,13 @@ def held(known: Known) -> Iterator[None]:
         _held.reset(token)
 
 
-def pace(backend: str) -> float | None:
-    """Seconds that the task took by whose speed the rates were measured; None where that is not known."""
+def pace(backend: str) -> tuple[float, ...]:
+    """Seconds that the tasks took by whose speed the rates were measured; empty where that is not known."""
     try:
-        known = float(json.loads(path_of(backend).read_text())["pace"])
+        known = tuple([float(each) for each in json.loads(path_of(backend).read_text())["pace"]])
     except (OSError, ValueError, TypeError, KeyError):
-        return None
-    return known if math.isfinite(known) and known > 0 else None
+        return ()
+    return known if all(math.isfinite(each) and each > 0 for each in known) else ()
 
 
 def write(path: Path, text: str) -> bool:

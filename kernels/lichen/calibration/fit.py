@@ -74,16 +74,17 @@ def misses(rate: Rate, samples: Sequence[Sample], factor: float = 1.5) -> int:
 
 
 def _squares(work: np.ndarray, seconds: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
-    """The weighted least squares solution with neither number below 0."""
+    """The weighted least squares solution with neither number below 0: of the normal equations, in which weights have
+    made all samples about 1."""
     scale = max(float(work.max()), 1.0)
-    columns = np.stack([weights, weights * work / scale], axis=1)
-    wanted = weights * seconds
-    if len(work) > 1 and np.ptp(work) > 0:
-        (start, step), *_ = np.linalg.lstsq(columns, wanted)
+    ones, steps, wanted = weights, weights * work / scale, weights * seconds
+    a, b, c = float(ones @ ones), float(ones @ steps), float(steps @ steps)
+    p, q = float(ones @ wanted), float(steps @ wanted)
+    apart = a * c - b * b
+    if apart > 1e-12 * a * c:
+        start, step = (c * p - b * q) / apart, (a * q - b * p) / apart
         if start >= 0 and step >= 0:
-            return float(start), float(step) / scale
-    alone = [max(float(column @ wanted) / max(float(column @ column), 1e-300), 0.0) for column in columns.T]
-    left = [float(np.square(wanted - column * x).sum()) for column, x in zip(columns.T, alone, strict=True)]
-    if left[0] <= left[1]:
-        return alone[0], 0.0
-    return 0.0, alone[1] / scale
+            return start, step / scale
+    alone = max(p / a, 0.0), max(q / max(c, 1e-300), 0.0)
+    left = [float(np.square(wanted - each * x).sum()) for each, x in zip((ones, steps), alone, strict=True)]
+    return (alone[0], 0.0) if left[0] <= left[1] else (0.0, alone[1] / scale)

@@ -6,6 +6,9 @@ numbers of a rate need both ends. Cells are run in turn, several passes of them,
 second harms one run of many cells instead of all runs of one. The lower quartile of a cell's runs counts: whatever
 else happens on a machine only ever adds time, but nobody meets the quickest run of all.
 
+A quick plan measures of each method one setting at one example, and takes from elsewhere how requests of other kinds
+compare with it (`lichen.calibration.kinds`); a thorough one measures all kinds.
+
 Predictions before anything is measured may be far off. Of each method the cells are warmed up from the shortest on, and
 none is begun that would take far too long by what shorter ones took; where the first pass shows that there is time for
 others, up to the longest that this machine affords, they are added.
@@ -27,11 +30,12 @@ from typing import Any
 
 from lichen.calibration.corpus import Case, typical
 from lichen.calibration.fit import Sample, fit
+from lichen.calibration.kinds import PLAIN, compared, general, known
 from lichen.calibration.pace import lower_quartile, pace
 from lichen.calibration.sweep import Setting, settings
 from lichen.catalogue import operation
 from lichen.kind import kind
-from lichen.operation import Operation, Rate
+from lichen.operation import Method, Operation, Rate
 
 SIDES = (32, 64, 128, 256, 512, 1024, 1536)
 LEAST = 2
@@ -49,9 +53,11 @@ class Plan:
     cells: int
     """for each method, two at least for each kind"""
     passes: int
+    kinds: bool = True
+    """whether every kind of request is measured, or one alone and the others by how they compare with it"""
 
 
-QUICK = Plan(longest=0.016, cells=6, passes=3)
+QUICK = Plan(longest=0.006, cells=2, passes=3, kinds=False)
 """No run is long enough to be in anybody's way."""
 THOROUGH = Plan(longest=0.2, cells=12, passes=5)
 
@@ -103,7 +109,7 @@ def _kind(name: str, example: int) -> str:
 def cells(owner: Operation[Any], backend: str, plan: Plan) -> list[Cell]:
     """For each method and kind the cells whose predicted times lie evenly, on a scale of decades, up to the longest
     allowed."""
-    offered = _offered(owner, backend)
+    offered = _offered(owner, backend, plan)
     return [cell for way, own in offered.items() for cell in _spread(own, plan, _wanted(way, offered, plan))]
 
 
@@ -116,21 +122,48 @@ def _wanted(way: Way, offered: Mapping[Way, Sequence[Cell]], plan: Plan) -> int:
     return max(LEAST, plan.cells // sum(method == way[0] for method, _ in offered))
 
 
-def _offered(owner: Operation[Any], backend: str) -> dict[Way, list[Cell]]:
+def _offered(owner: Operation[Any], backend: str, plan: Plan) -> dict[Way, list[Cell]]:
     """All there are."""
     found: dict[Way, list[Cell]] = {}
-    for size in SIDES:
-        for example in range(len(owner.examples)):
-            small, parameters = _prepared(owner.name, example, SIDES[0])
-            parameters = owner.sized(parameters, size, size)
+    for example, tried in _tried(owner, plan):
+        small, fitted = _prepared(owner.name, example, SIDES[0])
+        for size in SIDES:
+            parameters = owner.sized(fitted, size, size)
             facts = {key: dataclasses.replace(each, height=size, width=size) for key, each in small.facts.items()}
-            for setting in settings(owner):
+            for setting in tried:
                 method = setting.method
                 if method.unfit(parameters, facts) is None:
-                    predicted = method.seconds(backend, parameters, setting.knob or 0.0, facts)
+                    rate = _foretold(owner, method, backend, _kind(owner.name, example))
+                    predicted = rate.seconds(method.work(parameters, setting.knob or 0.0, facts))
                     cell = Cell(owner.name, example, method.name, setting.knob, size, predicted)
                     found.setdefault((method.name, cell.kind), []).append(cell)
     return found
+
+
+def _foretold(owner: Operation[Any], method: Method[Any], backend: str, kind: str) -> Rate:
+    """As some machine took it: the table of kinds knows more than the declaration."""
+    told = known(backend, owner.name, method.name)
+    return told.get(kind) or told.get(PLAIN) or method.rates[backend]
+
+
+def _tried(owner: Operation[Any], plan: Plan) -> Iterator[tuple[int, list[Setting]]]:
+    """Examples with the settings that are looked at there: all of them, or of each method the middle one at the first
+    example that it takes."""
+    left = dict(owner.methods)
+    for example in range(len(owner.examples)):
+        if plan.kinds:
+            yield example, list(settings(owner))
+            continue
+        case, parameters = _prepared(owner.name, example, SIDES[0])
+        able = [each for each in left.values() if each.unfit(parameters, case.facts) is None]
+        for each in able:
+            del left[each.name]
+        if able:
+            yield example, [Setting(each, _middle(each)) for each in able]
+
+
+def _middle(method: Method[Any]) -> float | None:
+    return method.knob.values[len(method.knob.values) // 2] if method.knob else None
 
 
 def _spread(offered: Sequence[Cell], plan: Plan, count: int, scale: float = 1.0) -> Iterator[Cell]:
@@ -206,7 +239,7 @@ class Timing:
     def _add(self) -> None:
         """Cells that the first pass shows to be affordable, where there are fewer than there might be; in any case the
         longest, where it takes twice as long as any."""
-        all_of_them = _offered(self.owner, self.backend)
+        all_of_them = _offered(self.owner, self.backend, self.plan)
         for way, offered in all_of_them.items():
             known = {cell: kept[0] for cell, kept in self.seconds.items() if (cell.method, cell.kind) == way}
             count = _wanted(way, all_of_them, self.plan)
@@ -237,6 +270,12 @@ class Timing:
             for cell, kept in self.seconds.items():
                 if cell.method == name and kept:
                     own.setdefault(cell.kind, []).append(Sample(cell.work, lower_quartile(kept)))
-            kinds = {each: fit(taken, overall) for each, taken in own.items()} if len(own) > 1 else {}
+            if self.plan.kinds:
+                kinds = {each: fit(taken, overall) for each, taken in own.items()} if len(own) > 1 else {}
+            else:
+                ((kind, taken),) = own.items()
+                told = known(self.backend, self.owner.name, name)
+                kinds = compared(told, kind, taken, general(self.backend, pace(self.backend).usual))
+                overall = kinds.get(kind) or kinds.pop(PLAIN, overall)
             found[self.owner.name, name] = Rate(overall.start, overall.step, kinds)
         return found

@@ -100,7 +100,8 @@ def _alone(problem: Problem, measure: Measure) -> Choices | None:
     if any(targets[out] < 0 for out, each in graph.outputs.items() if each.source != name):
         return None
     least = min((targets[out] for out, each in graph.outputs.items() if each.source == name), default=math.inf)
-    return next(({name: offer} for offer in offers.in_turn() if measure(offer.error) <= least), None)
+    able = (offer for offer in offers.in_turn() if offer.stated.least <= least)
+    return next(({name: offer} for offer in able if measure(offer.error) <= least), None)
 
 
 def _together(problem: Problem, measure: Measure) -> Choices | None:

@@ -13,8 +13,9 @@ A node whose output is proved to be as close to one of its inputs as the budget 
 be left out: that is a candidate like the others, which takes no time and errs by that distance.
 
 Where no method meets an asked error, nodes may be computed by their definitions, in doubles and slowly: only the
-rounding of the result is then left. What even that does not meet is `Unattainable`, with the best that can be had; it
-is never missed silently.
+rounding of each result is then left. Where steps enlarge even that, as the encoding of dark colours does, nothing is
+rounded between them either: all of the graph is evaluated in doubles, as `precision=float64` asks for. What even that
+does not meet is `Unattainable`, with the best that can be had; it is never missed silently.
 """
 
 from __future__ import annotations
@@ -60,7 +61,12 @@ def choose(graph: Graph, request: Request) -> Graph:
     _refuse_unusable(graph, request, offers, usable)
     targets = {name: target_error(facts[each.source], each, request) for name, each in graph.outputs.items()}
     problem = Problem(graph, facts, request, usable, targets, measures(request))
-    choices = within_time(problem) if request.max_ms is not None else _within_error(problem, offers)
+    try:
+        choices = within_time(problem) if request.max_ms is not None else _within_error(problem, offers)
+    except Unattainable:
+        if not _may_be_exact(graph, request):
+            raise
+        return choose(graph.replace(precision=Precision.FLOAT64), request)
     nodes = tuple(node.chosen(choices[node.name], offers[node.name]) for node in graph.nodes)
     said = _reason(request, min(targets.values()))
     return graph.replace(nodes=nodes).deciding(
@@ -68,6 +74,12 @@ def choose(graph: Graph, request: Request) -> Graph:
         for node in nodes
         if (made := node.choice) is not None and made.passes is None
     )
+
+
+def _may_be_exact(graph: Graph, request: Request) -> bool:
+    """Whether nothing but an error is asked, which leaves open in what numbers it is kept."""
+    free = request.max_error is not None and request.max_ms is None and all(node.asked == FREE for node in graph.nodes)
+    return free and graph.precision is Precision.FLOAT32
 
 
 def _within_error(problem: Problem, offers: dict[str, Offers]) -> Mapping[str, Candidate]:

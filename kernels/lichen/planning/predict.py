@@ -30,6 +30,7 @@ class Told:
 
     error: Error
     unfit: str | None = None
+    least: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,11 @@ class Offer:
     @cached_property
     def error(self) -> Error:
         return self._method.error(self.about.parameters, self._setting, self.about.facts)
+
+    @cached_property
+    def least(self) -> float:
+        """What the error is at least, rounding aside."""
+        return self._method.least(self.about.parameters, self._setting, self.about.facts)
 
     @cached_property
     def work(self) -> float:

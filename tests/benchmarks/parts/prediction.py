@@ -4,8 +4,9 @@ Operations are calibrated before they are first asked for, quickly, as a service
 requests ask for any operation with random parameters, sides of 128 to 1536 px, an error or none; random pipelines for
 two to four of them in a row. Time is that of the kernels at that size, the lower quartile of nine runs at the machine's
 usual pace, as in calibration; error is taken on the same picture made small enough for the definition to be quick. The
-blur that is chosen stands beside the quickest way to compute it that meets the error. `LICHEN_PATIENCE=10` gives ten
-times the time, for as many requests more; `LICHEN_PIECES=FOLDER` keeps what was found there and goes on behind it.
+blur that is chosen stands beside the quickest way to compute it that meets the error. Two minutes do for two hundred
+times where kernels are built already; `LICHEN_PATIENCE=2` gives twice the time, and `LICHEN_PIECES=FOLDER` keeps what
+was found there and goes on behind it, with rates and all.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ TITLE = "Prediction"
 COUNT = 200
 """Of random requests, as far as time allows."""
 PATIENCE = 1.0 if quick() else 25.0 * float(os.environ.get("LICHEN_PATIENCE", "1"))
-"""Seconds after which random requests of either kind, and blurs, begin nothing further."""
+"""Seconds after which errors of random requests, pipelines and blurs begin nothing further."""
+TIMES = 5 * PATIENCE
+"""Seconds after which no further request is timed."""
 LONGEST = 0.3
 """Predicted seconds of one run at most; longer ones are drawn again."""
 AFFORDABLE = 0.4
@@ -359,7 +362,7 @@ def sections(tell: Callable[[str], None]) -> list[Section]:
         folder = Path(os.environ.get("LICHEN_PIECES", name))
         os.environ["LICHEN_TIMES"] = str(folder / "times")
         took, chained, found = (Kept(folder / f"{each}.jsonl") for each in ("times", "pipelines", "errors"))
-        took.fill(COUNT, time.perf_counter() + PATIENCE, timed)
+        took.fill(COUNT, time.perf_counter() + TIMES, timed)
         tell(f"{len(took.rows)} times")
         chained.fill(PIPELINES, time.perf_counter() + PATIENCE, chains)
         tell(f"{len(chained.rows)} pipelines")

@@ -163,3 +163,17 @@ def test_where_nothing_meets_the_quantum_the_customary_method_runs() -> None:
     field = np.ones((32, 32, 2), np.float32)
     assert lichen.explain("lic", field, storage="uint8").method == "rk2; step=1"
     assert lichen.explain("lic", field, storage="uint8", method="rk4").method == "rk4; step=0.25"
+
+
+def test_where_rounding_between_definitions_is_too_much_all_is_done_in_doubles() -> None:
+    """Encoding enlarges what is rounded before it in dark places thirteen times."""
+    image = Image(np.random.default_rng(3).random((48, 40, 3), np.float32), Space.SRGB)
+    coarse, fine = (lichen.run("gaussian", image, sigma=6, max_error=error) for error in (1e-3, 1e-6))
+    assert fine.method == "truth" != coarse.method
+    assert fine.error.value <= 1e-6
+    truth = lichen.evaluate_truth("gaussian", image, sigma=6)
+    assert np.abs(fine.image.pixels - truth).max() <= fine.error.value
+    with pytest.raises(Unattainable):
+        lichen.run("gaussian", image, sigma=6, max_error=1e-15)
+    with pytest.raises(Unattainable):
+        lichen.run("gaussian", image, sigma=6, max_error=1e-6, method="fir")

@@ -262,7 +262,8 @@ def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Arr
     scratch=3.1,
     knob=Knob("order", (2, 4, 6, 8), "exponentials in the response", 2, 8),
     error=base.recursive_error(base.deriche_filters),
-    work=base.recursive_work(base.deriche_filters),
+    least=base.least_error("deriche"),
+    work=base.recursive_work(base.deriche_extents),
     rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
     unfit=base.recursive_unfit,
 )
@@ -284,7 +285,8 @@ class Deriche:
     scratch=3.1,
     knob=Knob("poles", (3, 4, 5), "poles of the all-pole filter", 3, 5),
     error=base.recursive_error(base.vliet_young_filters),
-    work=base.recursive_work(base.vliet_young_filters),
+    least=base.least_error("vliet-young"),
+    work=base.recursive_work(base.vliet_young_extents),
     rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
     unfit=base.vliet_young_unfit,
 )
@@ -306,6 +308,7 @@ class VlietYoung:
     scratch=4.4,
     knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1),
     error=base.boxes_error,
+    least=base.least_error("box3"),
     work=base.boxes_work,
     rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
     unfit=base.recursive_unfit,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Annotated
 
 from pydantic import Field
@@ -17,7 +17,16 @@ from lichen.operations.convolution.gaussian_weights import dct_modes, fir_radius
 from lichen.operations.convolution.missing import Missing, check_mask, leaves_out, renormalised_error
 from lichen.operations.convolution.passes import rows_laid_out
 from lichen.operations.convolution.recursive import BLOCK
-from lichen.operations.convolution.recursive_filters import NARROWEST, Filter, deriche, distance, vliet_young
+from lichen.operations.convolution.recursive_filters import (
+    NARROWEST,
+    Filter,
+    deriche,
+    deriche_extent,
+    distance,
+    rounding,
+    vliet_young,
+    vliet_young_extent,
+)
 from lichen.operations.convolution.stencil import banded
 from lichen.processors import threads
 
@@ -229,20 +238,37 @@ def recursive_error(filters: Filters) -> Callable[[Parameters, float, InputFacts
         wide, magnitude = spread(p, facts)
         (down, across), (below, beside) = filters(p, order), _within(p, 1e-2)
         apart = distance(down, below) * across.gain + distance(across, beside)
-        rounding = 1.01 * (down.rounding(BLOCK) * across.gain + across.rounding(BLOCK) * down.gain) * magnitude
-        return Error(1.001 * apart * wide + rounding, "bound", rounding)
+        rounded = rounding(down, BLOCK) * across.gain + rounding(across, BLOCK) * down.gain
+        least = 1.01 * rounded * magnitude
+        return Error(1.001 * apart * wide + least, "bound", least)
 
     return error
 
 
-def recursive_work(filters: Filters) -> Callable[[Parameters, float, InputFacts], float]:
+def deriche_extents(p: Parameters, order: float) -> tuple[Extent, Extent]:
+    """Of `deriche_filters`."""
+    down, across = _within(p, 1e-2)
+    return deriche_extent(down, int(order) // 2 * 2), deriche_extent(across, int(order) // 2 * 2)
+
+
+def vliet_young_extents(p: Parameters, order: float) -> tuple[Extent, Extent]:
+    """Of `vliet_young_filters`."""
+    down, across = _within(p, NARROWEST)
+    return vliet_young_extent(down, int(order)), vliet_young_extent(across, int(order))
+
+
+Extent = tuple[int, int]
+"""The reach of a filter, and how many poles it has."""
+Extents = Callable[[Parameters, float], tuple[Extent, Extent]]
+
+
+def recursive_work(extents: Extents) -> Callable[[Parameters, float, InputFacts], float]:
     """Steps of the states, beside what it takes to read, turn and write the image twice; and sums before each line."""
 
     def work(p: Parameters, order: float, facts: InputFacts) -> float:
         image, total = facts["image"], 0.0
-        for each, side in zip(filters(p, order), (image.height, image.width), strict=True):
-            begun = min(each.reach / side, 1.0)
-            total += image.samples * (PASSED + len(each.poles) * (12 + 26 * begun))
+        for (reach, poles), side in zip(extents(p, order), (image.height, image.width), strict=True):
+            total += image.samples * (PASSED + poles * (12 + 26 * min(reach / side, 1.0)))
         return total
 
     return work
@@ -250,6 +276,25 @@ def recursive_work(filters: Filters) -> Callable[[Parameters, float, InputFacts]
 
 PASSED = 80.0
 """Multiply-adds that take as long as moving a sample through one pass along lines."""
+
+
+APART: Mapping[str, Mapping[float, float]] = {
+    "deriche": {2: 0.016, 4: 2.4e-4, 6: 3.3e-6, 8: 4.9e-8},
+    "vliet-young": {3: 9.9e-3, 4: 3.1e-3, 5: 1.0e-3},
+    "box3": {0: 0.018, 1: 4.8e-3},
+}
+"""What one pass errs by at least, over the spread of its input, from a deviation of 1 px to `RECURSIVE`."""
+
+
+def least_error(method: str) -> Callable[[Parameters, float, InputFacts], float]:
+    """Of the worse pass, by whole values of the knob."""
+
+    def least(p: Parameters, knob: float, facts: InputFacts) -> float:
+        if p.turned is not None or not 1 <= max(p.deviations) <= RECURSIVE:
+            return 0.0
+        return APART[method].get(knob, 0.0) * spread(p, facts)[0]
+
+    return least
 
 
 def recursive_unfit(p: Parameters, facts: InputFacts, narrowest: float = 1e-2) -> str | None:

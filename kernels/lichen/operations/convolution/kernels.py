@@ -180,17 +180,25 @@ def separated(taps: Matrix, tolerance: float) -> tuple[list[tuple[Matrix, Matrix
 
 @lru_cache(64)
 def _separated(taps: bytes, shape: tuple[int, int], tolerance: float) -> tuple[list[tuple[Matrix, Matrix]], Matrix]:
+    terms, left, norms = _unfolded(taps, shape)
+    allowed = tolerance * norms[0]
+    count = next((k for k, norm in enumerate(norms) if norm <= allowed), len(terms))
+    return terms[:count], left[count]
+
+
+@lru_cache(16)
+def _unfolded(taps: bytes, shape: tuple[int, int]) -> tuple[list[tuple[Matrix, Matrix]], list[Matrix], list[float]]:
+    """All products, and what the first of them leave, with its l1 norm: of none, of one, of two ..."""
     down, values, across = _decomposed(taps, shape)
-    left = np.frombuffer(taps).reshape(shape).copy()
-    allowed, terms = tolerance * np.abs(left).sum(), []
+    left = [np.frombuffer(taps).reshape(shape)]
+    terms: list[tuple[Matrix, Matrix]] = []
     for k, value in enumerate(values):
-        if np.abs(left).sum() <= allowed or value <= 1e-14 * values[0]:
+        if value <= 1e-14 * values[0]:
             break
         scale = math.sqrt(value)
-        term = (_cleaned(down[:, k : k + 1] * scale), _cleaned(across[k : k + 1] * scale))
-        left -= term[0] * term[1]
-        terms.append(term)
-    return terms, left
+        terms.append((_cleaned(down[:, k : k + 1] * scale), _cleaned(across[k : k + 1] * scale)))
+        left.append(left[-1] - terms[-1][0] * terms[-1][1])
+    return terms, left, [float(np.abs(each).sum()) for each in left]
 
 
 @lru_cache(16)

@@ -185,8 +185,10 @@ def _apart(before: int, after: int, name: str, border: Border) -> tuple[float, f
         some = slice(first, first + rows)
         count = len(one.index[some])
         dense = np.zeros((count, before + 1))
+        at = np.arange(count)[:, np.newaxis] * (before + 1)
         for each, sign in ((one, 1.0), (other, -1.0)):
-            np.add.at(dense, (np.arange(count)[:, np.newaxis], each.index[some]), sign * each.weights[some])
+            own = np.bincount((at + each.index[some]).ravel(), each.weights[some].ravel(), dense.size)
+            dense += sign * own.reshape(dense.shape)
             dense[:, before] += sign * each.constant[some]
         largest = max(largest, float(np.abs(dense).sum(axis=1).max()))
         squares += float(np.square(dense).sum())

@@ -8,12 +8,20 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from lichen.catalogue import operation
 from lichen.opencl.device import default_device
-from lichen.operation import Border
+from lichen.operation import Border, Facts
 from lichen.operations.convolution.borders import OUTSIDE, continued
 from lichen.operations.convolution.boxes import boxes, boxes_distance
 from lichen.operations.convolution.recursive import recursive_numpy, recursive_opencl
-from lichen.operations.convolution.recursive_filters import Filter, deriche, distance, vliet_young
+from lichen.operations.convolution.recursive_filters import (
+    Filter,
+    deriche,
+    deriche_extent,
+    distance,
+    vliet_young,
+    vliet_young_extent,
+)
 
 # Norms of the error by sigma 1, 2, 5, 20 and 100: of filters made of the coefficients that their authors published.
 DERICHE = {2: (4.8e-2, 3.8e-2, 3.5e-2, 3.3e-2, 3.3e-2), 4: (8.3e-4, 5.8e-4, 6.2e-4, 6.3e-4, 6.2e-4)}
@@ -96,3 +104,27 @@ def test_boxes_have_the_variance_they_can(sigma: float) -> None:
         else:
             assert abs(kernel @ at**2 - sigma**2) <= (2 * (made.radii[0] + 1)) / 3 + 1e-9  # half a step of one box
     assert boxes_distance(boxes(sigma, extended=True), sigma) < 0.1
+
+
+@pytest.mark.parametrize("name", ["deriche", "vliet-young", "box3"])
+def test_what_is_known_of_a_method_at_once_is_what_it_states_when_asked(name: str) -> None:
+    blur, facts = operation("gaussian"), {"image": Facts(64, 96, 3)}
+    method = blur.methods[name]
+    assert method.knob is not None
+    for sigma in (0.3, *np.geomspace(1, 1000, 25).tolist(), 1.5, 2.0):
+        for given in ({"sigma": sigma}, {"sigma": sigma, "sigma_x": 1.0}, {"sigma": 0.0, "sigma_y": sigma}):
+            parameters = blur.validate(given)
+            for knob in method.knob.values:
+                stated = method.error(parameters, knob, facts)
+                assert method.least(parameters, knob, facts) <= stated.value - stated.rounding
+    assert method.least(blur.validate({"sigma": 3.0}), method.knob.values[0], facts) > 1e-3
+
+
+@pytest.mark.parametrize("sigma", [0.6, 1.7, 13.0, 400.0])
+def test_a_filter_reaches_as_far_as_is_known_without_making_it(sigma: float) -> None:
+    for order in (2, 4, 6, 8):
+        made = deriche(sigma, order)
+        assert deriche_extent(sigma, order) == (pytest.approx(made.reach, rel=1e-3, abs=1), len(made.poles))
+    for order in (3, 4, 5):
+        made = vliet_young(sigma, order)
+        assert vliet_young_extent(sigma, order) == (pytest.approx(made.reach, rel=1e-3, abs=1), len(made.poles))
