@@ -41,8 +41,6 @@ class Layout:
     roots: int
     bits: int
     """of the fraction that count"""
-    first: float = 1.0
-    """the place of where the pieces begin, from 1 on"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +96,7 @@ def fit(function: Callable[[Array], Array], top: float, degree: int, layout: Lay
     edges = (np.arange(one, one + PIECES + 1, dtype=np.int32) << shift).view(F).astype(np.float64)
     power = 0.5**roots
     low, high = start**power, (top * (1 + SLACK)) ** power
-    first, last = layout.first * (1 + MARGIN), edges[-1] * (1 - MARGIN)
+    first, last = 1 + MARGIN, edges[-1] * (1 - MARGIN)
     factor = float(F((last - first) / (high - low)))
     plus = float(F(first - factor * low))
 
@@ -108,9 +106,7 @@ def fit(function: Callable[[Array], Array], top: float, degree: int, layout: Lay
     table, places = np.zeros((degree + 1, PIECES)), []
     s = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
     for number in range(PIECES):
-        left, right = max(edges[number], layout.first), edges[number + 1]
-        if right <= left:
-            continue
+        left, right = edges[number], edges[number + 1]
         middle, half = (left + right) / 2, (right - left) / 2
         near = np.linalg.solve(np.vander(s, increasing=True), value(middle + half * s))
         line, made = np.polynomial.Polynomial([-middle / half, 1 / half]), np.polynomial.Polynomial([0.0])
