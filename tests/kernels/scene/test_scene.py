@@ -318,7 +318,7 @@ def test_what_fog_hides_is_not_lit(kind: str) -> None:
     assert np.abs(lichen.render(scene).image.pixels - whole.image.pixels).max() < 1e-6
 
 
-@pytest.mark.parametrize("buffer", ["position", "normal", "albedo"])
+@pytest.mark.parametrize("buffer", ["position", "normal", "albedo", "height"])
 def test_what_is_no_number_in_a_buffer_stays_in_its_pixels(buffer: str) -> None:
     """With lamps that are left out of the tile, and a highlight of 1e4 beside it."""
     size = 40, 70
@@ -327,6 +327,7 @@ def test_what_is_no_number_in_a_buffer_stays_in_its_pixels(buffer: str) -> None:
         "position": np.stack([x, 0 * x, z], axis=-1).astype(np.float32),
         "normal": np.broadcast_to(np.array([0, 1, 0], np.float32), (*size, 3)).copy(),
         "albedo": np.full((*size, 3), 0.5, np.float32),
+        "height": 0.05 * np.sin(9 * x)[..., None].astype(np.float32),
     }
     given["albedo"][20, 40] = 1e4
     given[buffer][20, 41] = np.nan
