@@ -10,7 +10,8 @@ Axes are right-handed with y up; lengths are of any one unit, angles in degrees,
 What the camera sees is either `objects`, which are cast rays at, or `buffers`: pictures sent along, by the names they
 are sent under. Objects are in the world's axes, and so are lights and heights. Buffers are in the camera's, which
 stands at 0 0 0 and looks along -z, unless `position` is among them: then everything is in the axes of those positions,
-the camera's eye too. Depth comes as `depth_kind` says (planar, euclidean, window or reversed), normals of any length.
+the camera's eye too. Depth comes as `depth_kind` says (planar, euclidean, window or reversed), normals of any length,
+`height` in the scene's unit of length, or in what `relief` multiplies to it.
 """
 
 from __future__ import annotations

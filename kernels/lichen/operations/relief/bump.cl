@@ -1,16 +1,56 @@
 // Normals bent by a relief, a run of 64 pixels of a row an item; bump.py is the definition. `bump` follows it operation
 // for operation, in doubles, four pixels at a time; `bump_single` in float32, eight at a time.
+#include "../compositing/planes.clh"
 #include "vector.clh"
 
 #define RUN 64
-#define LANES 8
 #define FRAMED (RUN + 2)
+#define WIDE 8
 #define BUMP_FN static inline __attribute__((always_inline))
 
 // A row of points and heights with one more on either side; outside of the picture there are none.
 typedef struct {
     float x[FRAMED], y[FRAMED], z[FRAMED], rise[FRAMED];
 } Row;
+
+BUMP_FN void row_put(Row *row, int i, float16 x, float16 y, float16 z, float16 rise)
+{
+    vstore16(x, 0, row->x + i);
+    vstore16(y, 0, row->y + i);
+    vstore16(z, 0, row->z + i);
+    vstore16(rise, 0, row->rise + i);
+}
+
+BUMP_FN void row_end(Row *row, int i, global const float *restrict position, global const float *restrict height,
+                     size_t at, bool there)
+{
+    row->x[i] = there ? position[3 * at] : NAN;
+    row->y[i] = there ? position[3 * at + 1] : NAN;
+    row->z[i] = there ? position[3 * at + 2] : NAN;
+    row->rise[i] = there ? height[at] : NAN;
+}
+
+BUMP_FN void row_read(Row *row, global const float *restrict position, global const float *restrict height, int wide,
+                      int tall, int first, int y)
+{
+    bool inside = y >= 0 && y < tall;
+    size_t line = inside ? (size_t)y * wide : 0;
+    int count = inside ? min(RUN, wide - first) : 0;
+    for (int i = 0; i < RUN; i += LANES) {
+        float16 none = NAN, v[3] = {none, none, none};
+        if (i + LANES <= count) {
+            split3(position + (line + first + i) * 3, v);
+            row_put(row, i + 1, v[0], v[1], v[2], vload16(0, height + line + first + i));
+            continue;
+        }
+        row_put(row, i + 1, none, none, none, none);
+        for (int k = i; k < count; k++)
+            row_end(row, k + 1, position, height, line + first + k, true);
+    }
+    row_end(row, 0, position, height, inside && first > 0 ? line + first - 1 : 0, inside && first > 0);
+    bool more = inside && first + RUN < wide;
+    row_end(row, RUN + 1, position, height, more ? line + first + RUN : 0, more);
+}
 
 // ---------------------------------------------------------------------------------------------------------- float32
 
@@ -19,20 +59,6 @@ typedef struct {
     vector8 p;
     float8 h;
 } Spot;
-
-BUMP_FN void row_read(Row *row, global const float *restrict position, global const float *restrict height, int wide,
-                      int tall, int first, int y)
-{
-    for (int i = 0; i < FRAMED; i++) {
-        int x = first + i - 1;
-        bool there = x >= 0 && x < wide && y >= 0 && y < tall;
-        size_t at = there ? (size_t)y * wide + x : 0;
-        row->x[i] = there ? position[3 * at] : NAN;
-        row->y[i] = there ? position[3 * at + 1] : NAN;
-        row->z[i] = there ? position[3 * at + 2] : NAN;
-        row->rise[i] = there ? height[at] : NAN;
-    }
-}
 
 BUMP_FN Spot spot(const Row *row, int at)
 {
@@ -116,19 +142,23 @@ kernel void bump_single(global const float *restrict normal, global const float 
     size_t line = (size_t)y * wide + first;
     for (int i = 0; i < RUN && first + i < wide; i += LANES) {
         int count = min(LANES, wide - first - i);
+        float16 n[3];
         float lane[3][LANES];
-        for (int k = 0; k < LANES; k++)
-            for (int c = 0; c < 3; c++)
-                lane[c][k] = k < count ? normal[(line + i + k) * 3 + c] : 0.0f;
-        vector8 n = vector(vload8(0, lane[0]), vload8(0, lane[1]), vload8(0, lane[2]));
-        vector8 made = bent(n, spot(&here, i), spot(&here, i + 2), spot(&above, i + 1), spot(&below, i + 1),
-                            spot(&here, i + 1), scale, jump);
-        vstore8(made.x, 0, lane[0]);
-        vstore8(made.y, 0, lane[1]);
-        vstore8(made.z, 0, lane[2]);
-        for (int k = 0; k < LANES && k < count; k++)
-            for (int c = 0; c < 3; c++)
-                out[(line + i + k) * 3 + c] = lane[c][k];
+        planes_load(normal + (line + i) * 3, 3, 3, count, n);
+        for (int c = 0; c < 3; c++)
+            vstore16(n[c], 0, lane[c]);
+        for (int k = 0; k < LANES; k += WIDE) {
+            vector8 some = vector(vload8(0, lane[0] + k), vload8(0, lane[1] + k), vload8(0, lane[2] + k));
+            int at = i + k;
+            some = bent(some, spot(&here, at), spot(&here, at + 2), spot(&above, at + 1), spot(&below, at + 1),
+                        spot(&here, at + 1), scale, jump);
+            vstore8(some.x, 0, lane[0] + k);
+            vstore8(some.y, 0, lane[1] + k);
+            vstore8(some.z, 0, lane[2] + k);
+        }
+        for (int c = 0; c < 3; c++)
+            n[c] = vload16(0, lane[c]);
+        planes_store(n, out + (line + i) * 3, 3, count);
     }
 }
 
@@ -246,22 +276,26 @@ kernel void bump(global const float *restrict normal, global const float *restri
     row_read(&here, position, height, wide, tall, first, y);
     row_read(&below, position, height, wide, tall, first, y + 1);
     size_t line = (size_t)y * wide + first;
-    for (int i = 0; i < RUN && first + i < wide; i += FINE) {
-        int count = min(FINE, wide - first - i);
-        float lane[3][FINE];
-        for (int k = 0; k < FINE; k++)
-            for (int c = 0; c < 3; c++)
-                lane[c][k] = k < count ? normal[(line + i + k) * 3 + c] : 0.0f;
-        Vector n = triple(convert_double4(vload4(0, lane[0])), convert_double4(vload4(0, lane[1])),
-                          convert_double4(vload4(0, lane[2])));
-        Vector made = bent_fine(n, place(&here, i), place(&here, i + 2), place(&above, i + 1), place(&below, i + 1),
-                                place(&here, i + 1), scale, jump * jump);
-        vstore4(convert_float4(made.x), 0, lane[0]);
-        vstore4(convert_float4(made.y), 0, lane[1]);
-        vstore4(convert_float4(made.z), 0, lane[2]);
-        for (int k = 0; k < count; k++)
-            for (int c = 0; c < 3; c++)
-                out[(line + i + k) * 3 + c] = lane[c][k];
+    for (int i = 0; i < RUN && first + i < wide; i += LANES) {
+        int count = min(LANES, wide - first - i);
+        float16 n[3];
+        float lane[3][LANES];
+        planes_load(normal + (line + i) * 3, 3, 3, count, n);
+        for (int c = 0; c < 3; c++)
+            vstore16(n[c], 0, lane[c]);
+        for (int k = 0; k < LANES; k += FINE) {
+            Vector some = triple(convert_double4(vload4(0, lane[0] + k)), convert_double4(vload4(0, lane[1] + k)),
+                                 convert_double4(vload4(0, lane[2] + k)));
+            int at = i + k;
+            some = bent_fine(some, place(&here, at), place(&here, at + 2), place(&above, at + 1),
+                             place(&below, at + 1), place(&here, at + 1), scale, jump * jump);
+            vstore4(convert_float4(some.x), 0, lane[0] + k);
+            vstore4(convert_float4(some.y), 0, lane[1] + k);
+            vstore4(convert_float4(some.z), 0, lane[2] + k);
+        }
+        for (int c = 0; c < 3; c++)
+            n[c] = vload16(0, lane[c]);
+        planes_store(n, out + (line + i) * 3, 3, count);
     }
 }
 #endif

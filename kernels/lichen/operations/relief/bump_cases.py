@@ -88,7 +88,7 @@ def _stays(inputs: Mapping[str, Any], pixels: Array) -> str | None:
 
 
 def _only_there(inputs: Mapping[str, Any], pixels: Array) -> str | None:
-    nan: Array = np.isnan(pixels).all(axis=-1)
+    nan: Array = np.asarray(np.isnan(pixels).all(axis=-1))
     if sorted(map(tuple, np.argwhere(nan).tolist())) != [(0, 0), (4, 5), (6, 2)]:
         return f"NaN at {np.argwhere(np.isnan(pixels).any(axis=-1)).tolist()}"
     off = float(np.abs(pixels[~nan] - BENT).max())
