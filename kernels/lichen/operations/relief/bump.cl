@@ -1,6 +1,7 @@
 // Normals bent by a relief, a run of 64 pixels of a row an item; bump.py is the definition. `bump` follows it operation
 // for operation, in doubles, four pixels at a time; `bump_single` in float32, eight at a time.
 #include "../compositing/planes.clh"
+#include "mask.clh"
 #include "vector.clh"
 
 #define RUN 64
@@ -111,6 +112,11 @@ BUMP_FN int8 level(Spot here, Spot there) { return (here.h == there.h) | ~known(
 
 BUMP_FN vector8 bent(vector8 n, Spot left, Spot right, Spot above, Spot below, Spot here, float scale, float jump)
 {
+    int8 number = ~isnan(here.p.x) & ~isnan(here.p.y) & ~isnan(here.p.z), nowhere = number & ~placed(here.p);
+    int8 flat = level(here, left) & level(here, right) & level(here, above) & level(here, below);
+    int8 kept = nowhere | (known(here.h) & (flat | (int8)(scale == 0.0f ? -1 : 0)));
+    if (mask_all(kept))
+        return n;
     Spot x = change(left, here, right, jump), y = change(above, here, below, jump);
     vector8 unit = vector_unit(n);
     vector8 along = vector_cross(y.p, unit), across = vector_cross(unit, x.p);
@@ -118,12 +124,8 @@ BUMP_FN vector8 bent(vector8 n, Spot left, Spot right, Spot above, Spot below, S
     float8 turned = det < 0.0f ? (float8)(-1.0f) : (float8)(1.0f);
     vector8 slope = vector_along(along, turned * rise, vector_scale(across, turned * fall));
     vector8 made = vector_unit(vector_subtract(vector_scale(unit, fabs(det)), slope));
-
-    int8 number = ~isnan(here.p.x) & ~isnan(here.p.y) & ~isnan(here.p.z), nowhere = number & ~placed(here.p);
-    int8 flat = level(here, left) & level(here, right) & level(here, above) & level(here, below);
-    flat = known(here.h) & (flat | (int8)(scale == 0.0f ? -1 : 0));
     int8 whole = placed(here.p) & known(here.h);
-    int8 kept = nowhere | flat | (whole & ((det == 0.0f) | ((rise == 0.0f) & (fall == 0.0f))));
+    kept |= whole & ((det == 0.0f) | ((rise == 0.0f) & (fall == 0.0f)));
     made = chosen(whole, made, vector((float8)(NAN), (float8)(NAN), (float8)(NAN)));
     return chosen(kept, n, made);
 }
@@ -241,25 +243,24 @@ BUMP_FN long4 same(Place here, Place there) { return (here.h == there.h) | ~fini
 BUMP_FN Vector bent_fine(Vector n, Place left, Place right, Place above, Place below, Place here, double scale,
                          double square)
 {
+    long4 nowhere = here.number & ~(finite(here.p.x) & finite(here.p.y) & finite(here.p.z));
+    long4 flat = same(here, left) & same(here, right) & same(here, above) & same(here, below);
+    long4 kept = nowhere | (finite(here.h) & (flat | (long4)(scale == 0.0 ? -1 : 0)));
+    if (!mask_any(~kept))
+        return n;
     double4 rise, fall;
     Vector x = step_of(left, here, right, square, &rise), y = step_of(above, here, below, square, &fall);
     rise *= scale;
     fall *= scale;
     double4 length = dotted(n, n);
-    length = length == 0.0 ? (double4)(1.0) : sqrt(length);
-    Vector unit = triple(n.x / length, n.y / length, n.z / length);
+    Vector unit = times(n, 1.0 / (length == 0.0 ? (double4)(1.0) : sqrt(length)));
     Vector along = crossed(y, unit), across = crossed(unit, x);
     double4 det = dotted(x, along), size = fabs(det), turned = det < 0.0 ? (double4)(-1.0) : (double4)(1.0);
     Vector made = triple(size * unit.x - turned * (rise * along.x + fall * across.x),
                          size * unit.y - turned * (rise * along.y + fall * across.y),
                          size * unit.z - turned * (rise * along.z + fall * across.z));
-    length = sqrt(dotted(made, made));
-    made = triple(made.x / length, made.y / length, made.z / length);
-
-    long4 nowhere = here.number & ~(finite(here.p.x) & finite(here.p.y) & finite(here.p.z));
-    long4 flat = same(here, left) & same(here, right) & same(here, above) & same(here, below);
-    flat = finite(here.h) & (flat | (long4)(scale == 0.0 ? -1 : 0));
-    long4 kept = nowhere | flat | (here.whole & ((det == 0.0) | ((rise == 0.0) & (fall == 0.0))));
+    made = times(made, 1.0 / sqrt(dotted(made, made)));
+    kept |= here.whole & ((det == 0.0) | ((rise == 0.0) & (fall == 0.0)));
     double4 none = NAN;
     return either(kept, n, either(here.whole, made, triple(none, none, none)));
 }

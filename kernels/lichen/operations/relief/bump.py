@@ -156,7 +156,7 @@ def _change(before: Place, here: Place, after: Place, jump: float) -> tuple[Arra
 
 def _unit(vectors: Array) -> Array:
     square = _dot(vectors, vectors)
-    return np.asarray(vectors / np.where(square == 0, 1.0, np.sqrt(square)))
+    return np.asarray(vectors * (1.0 / np.where(square == 0, 1.0, np.sqrt(square))))
 
 
 def _bent(inputs: Inputs, p: Parameters, rows: slice) -> Array:
@@ -184,7 +184,7 @@ def _bent(inputs: Inputs, p: Parameters, rows: slice) -> Array:
         det = _dot(x, along)
         turned = np.where(det < 0, -1.0, 1.0)
         made = np.abs(det) * unit - turned * (rise * along + fall * across)
-        made = made / np.sqrt(_dot(made, made))
+        made = made * (1.0 / np.sqrt(_dot(made, made)))
     number = ~np.isnan(here.position).any(axis=-1, keepdims=True)
     nowhere = number & ~np.isfinite(here.position).all(axis=-1, keepdims=True)
     flat = np.logical_and.reduce([(each.height == here.height) | ~np.isfinite(each.height) for each in around])
