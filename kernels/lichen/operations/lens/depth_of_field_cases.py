@@ -22,10 +22,10 @@ def _grey(inputs: Mapping[str, Any], pixels: Array) -> str | None:
     return None if good else f"a constant became {pixels.reshape(-1).tolist()}"
 
 
-def _leak() -> Mapping[str, Any]:
+def _leak(far: float = 1e6) -> Mapping[str, Any]:
     """A dark thing in focus before a bright ground far away."""
     near = np.arange(32) < 16
-    depth = np.where(near, 1.0, 1e6).astype(np.float32).reshape(1, -1, 1)
+    depth = np.where(near, 1.0, far).astype(np.float32).reshape(1, -1, 1)
     return {
         "image": np.repeat(np.where(near, 0.0, 1e4).astype(np.float32).reshape(1, -1, 1), 9, axis=0),
         "depth": np.repeat(depth, 9, axis=0),
@@ -76,7 +76,7 @@ CASES = (
     HardCase(
         name="focused at its own focal length, where circles have no end",
         why="1 / (s - f); what lies in the plane in focus is 0 of infinitely many pixels wide",
-        inputs=_leak,
+        inputs=lambda: _leak(np.inf),
         parameters={"focus": 1, "blur": 1e4, "largest": 6},
         holds=_sharp,
     ),
