@@ -21,6 +21,7 @@ FIRST_INPUTS: Mapping[str, str] = {
     "arrange": "image",
     "background": "image",
     "box": "image",
+    "bump": "normal",
     "chromatic_aberration": "image",
     "colour_map": "image",
     "compare": "image",
@@ -398,6 +399,30 @@ class Operations(Generic[R]):
             bits=bits,
             **options,
         )
+
+    def bump(
+        self,
+        normal: ImageLike,
+        /,
+        *,
+        position: ImageLike,
+        height: ImageLike,
+        scale: float | None = None,
+        jump: float | None = None,
+        **options: Unpack[Options],
+    ) -> R:
+        """Bends normals by a relief on the surface: heights along the normal, in the unit of the positions.
+
+        normal: which way the surface faces: x, y, z
+        position: where each pixel's point is; infinite where there is nothing
+        height: how far the relief rises along the normal
+        scale: factor on heights, which makes them lengths of the positions' unit; negative presses the relief in; at
+            least -1000000, at most 1000000; default 1.0
+        jump: how many times as far away as the other a neighbour may be and still be of the same surface; 1: slopes
+            are taken to the nearer neighbour wherever they differ; at least 1, at most 1000000; default 2.0
+        method: single, exact
+        """
+        return self.run("bump", normal, position=position, height=height, scale=scale, jump=jump, **options)
 
     def chromatic_aberration(
         self,

@@ -10,7 +10,8 @@ Axes are right-handed with y up; lengths are of any one unit, angles in degrees,
 What the camera sees is either `objects`, which are cast rays at, or `buffers`: pictures sent along, by the names they
 are sent under. Objects are in the world's axes, and so are lights and heights. Buffers are in the camera's, which
 stands at 0 0 0 and looks along -z, unless `position` is among them: then everything is in the axes of those positions,
-the camera's eye too. Depth comes as `depth_kind` says (planar, euclidean, window or reversed), normals of any length.
+the camera's eye too. Depth comes as `depth_kind` says (planar, euclidean, window or reversed), normals of any length,
+`height` in the scene's unit of length, or in what `relief` multiplies to it.
 """
 
 from __future__ import annotations
@@ -86,6 +87,9 @@ class Buffers(OperationParameters):
     """where it is 0 there is nothing, whatever depth or position say"""
     motion: str | None = None
     """how far each pixel's point has moved in the picture, px; the shutter needs it"""
+    height: str | None = None
+    """a relief on the surfaces, along their normals and in the scene's unit of length: it bends the normals that lights
+    and environment see, and moves nothing"""
 
     @property
     def given(self) -> dict[str, str]:
@@ -149,6 +153,8 @@ class Scene(OperationParameters):
     """what the numbers of the buffer `material` mean, from 0 on"""
     lights: Annotated[tuple[Light, ...], Field(max_length=256)] = ()
     """what lights it"""
+    relief: dict[str, Any] | None = None
+    """how the buffer `height` bends normals: parameters of the operation bump"""
     ambient: Colour = (0.0, 0.0, 0.0)
     """light from everywhere; times albedo"""
     surface: dict[str, Any] = Field(default_factory=lambda: {"model": "lambert"})
@@ -239,8 +245,13 @@ def _flaws(scene: Scene) -> list[Flaw]:
         flaws.append(Flaw("/buffers/position", "depth, or position: not both"))
     if given and scene.lights and "normal" not in given:
         flaws.append(Flaw("/buffers/normal", "is required by lights"))
-    if given and "depth" not in given and "position" not in given and (scene.fog is not None or scene.lights):
-        flaws.append(Flaw("/buffers/depth", "depth or position is required by fog and lights"))
+    placed = scene.fog is not None or scene.lights or scene.environment is not None or "height" in given
+    if given and "depth" not in given and "position" not in given and placed:
+        flaws.append(Flaw("/buffers/depth", "depth or position is required by fog, lights, environment and relief"))
+    if "height" in given and "normal" not in given:
+        flaws.append(Flaw("/buffers/normal", "is required by the relief, which bends it"))
+    if scene.relief is not None and "height" not in given:
+        flaws.append(Flaw("/buffers/height", "is required: the relief has no other"))
     if given and "motion" not in given and scene.shutter is not None:
         flaws.append(Flaw("/buffers/motion", "is required by the shutter"))
     if given and scene.lens is not None and ("depth" not in given or scene.camera.depth_kind is not DepthKind.PLANAR):

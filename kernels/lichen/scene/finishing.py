@@ -27,7 +27,7 @@ def mirrored(nodes: Nodes, lit: str) -> str:
     if p.mode == "mirror" and p.fresnel == "none" and p.reflectance == 0 and p.background == "none" and nodes.prune:
         nodes.leave_out("environment", "surfaces reflect nothing of it")
         return lit
-    inputs = {"normal": nodes.buffer("normal"), "environment": INPUT + image, "position": nodes.buffer("position")}
+    inputs = {"normal": nodes.facing(), "environment": INPUT + image, "position": nodes.buffer("position")}
     said = {"eye": scene.camera.eye, **said}
     if nodes.tiled is not None:
         inputs["tiles"] = nodes.tiled

@@ -10,6 +10,7 @@ that has a pass gives it. Which passes are which buffers:
     specular    GlossCol, Glossy Color, Specular
     roughness   Roughness
     emissive    Emissive
+    height      Height, Displacement, where there are normals and places, too
     material    IndexMA, Material Index, where the scene lists materials
 
 Where there is nothing, Blender writes a depth of 1e10, in half floats of 65504, and a position of 0 0 0; both become
@@ -38,6 +39,7 @@ PASSES: Mapping[str, tuple[str, ...]] = {
     "specular": ("GlossCol", "Glossy Color", "Specular"),
     "roughness": ("Roughness",),
     "emissive": ("Emissive",),
+    "height": ("Height", "Displacement"),
     "material": ("IndexMA", "Material Index"),
 }
 COMPONENTS: Mapping[str, tuple[str, ...]] = {
@@ -55,7 +57,10 @@ def spread(scene: Scene, images: Mapping[str, Image]) -> tuple[Scene, dict[str, 
         return scene, dict(images)
     found = buffers(images[name])
     given = scene.buffers.given
-    made = {key: f"{name}-{key}" for key in found if key not in given and (key != "material" or scene.materials)}
+    there = found.keys() | given.keys()
+    raised = "normal" in there and not there.isdisjoint(("depth", "position"))
+    wanted = {"material": bool(scene.materials), "height": raised}
+    made = {key: f"{name}-{key}" for key in found if key not in given and wanted.get(key, True)}
     if "position" in made or "position" in given:
         made.pop("depth", None)
     if not made:

@@ -122,7 +122,7 @@ class _Builder(Nodes):
             if scene.output is Output.PICTURE:
                 made = finished(self, made)
         else:
-            made = self.buffer(str(scene.output))
+            made = self.facing() if scene.output is Output.NORMAL else self.buffer(str(scene.output))
         lamps = tuple(number for number, _ in self.lamps)
         return Lowered(Pipeline(self.steps, {"result": Exit(made)}), tuple(self.decisions), self.origins, lamps)
 
@@ -177,7 +177,7 @@ class _Builder(Nodes):
 
     def _tiles(self) -> None:
         """The lists of what is left out where."""
-        inputs = {name: self.buffer(name) for name in ("position", "normal")}
+        inputs = {"position": self.buffer("position"), "normal": self.facing()}
         lamps = [light for _, light in self.lamps]
         said = tiling.parameters(self.scene, lamps, self.faint if self.prune else 0.0, self.images)
         self.tiled, self.lit = self.add("tiles", "tiles", said, inputs, "/lights"), len(lamps)
@@ -251,7 +251,7 @@ class _Builder(Nodes):
         scene = self.scene
         surface = dict(scene.surface)
         dull = surface.get("model", "lambert") == "lambert"
-        inputs = {"normal": self.buffer("normal")}
+        inputs = {"normal": self.facing()}
         local = not dull and scene.camera.extent is None
         if local or any(each.kind is not Kind.DIRECTIONAL for each in lamps) or not self.prune:
             inputs["position"] = self.buffer("position")

@@ -59,6 +59,13 @@ class Nodes:
         seen = {**camera, "buffer": name, "frame": "world", "objects": [each.model_dump() for each in scene.objects]}
         return self.add(name, "gbuffer", seen, {}, "/camera")
 
+    def facing(self) -> str:
+        """The node or picture that holds normals as lights and environment see them: bent where there is a relief."""
+        if "height" not in self.scene.buffers.given:
+            return self.buffer("normal")
+        inputs = {name: self.buffer(name) for name in ("normal", "position", "height")}
+        return self.add("relief", "bump", self.scene.relief or {}, inputs, "/relief")
+
     def depth(self) -> dict[str, Any]:
         """What the buffer of depths holds."""
         camera = self.scene.camera

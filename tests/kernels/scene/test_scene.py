@@ -148,6 +148,26 @@ def test_shadow_darkens_and_fog_brightens_where_they_should() -> None:
     assert np.abs(foggy[~sky] - clear[~sky]).max() > 0.02
 
 
+def test_shadow_is_the_same_for_an_eye_within_it() -> None:
+    """Under a ball, where counts of shadow volumes that are crossed begin with 1: by the ray from floor to lamp."""
+    eye, lamp, centre, radius = [0.1, 0.7, 0.3], np.array([0.0, 6, 0]), np.array([0.0, 2, 0]), 0.8
+    objects = [{"shape": "plane"}, {"shape": "sphere", "centre": centre.tolist(), "radius": radius}]
+    camera = {"eye": eye, "target": [0.5, 0, -0.3], "fov": 90, "width": 60, "height": 60}
+    shadow = {"size": 512, "filter": 0}
+    light = {"kind": "point", "position": lamp.tolist(), "intensity": 20, "shadow": shadow}
+    scene = {"camera": camera, "objects": objects, "lights": [light], "output": "light"}
+    found = lichen.render(scene).image.pixels[..., 0]
+    points = lichen.run("gbuffer", objects=objects, buffer="position", frame="world", **camera).image.pixels
+    floor = np.isfinite(points).all(axis=-1) & (np.abs(points[..., 1]) < 1e-4)
+    ray = lamp - np.where(floor[..., None], points, 0)
+    ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+    past = np.linalg.norm(np.cross(ray, lamp - centre), axis=-1)
+    hidden, lit = floor & (past < radius - 0.03), floor & (past > radius + 0.03)
+    assert min(np.count_nonzero(hidden), np.count_nonzero(lit)) > 200
+    assert found[hidden].max() == 0
+    assert found[lit].min() > 0
+
+
 def test_projectors_and_slabs_show_pictures_sent_along() -> None:
     """As the operation does by itself, each its own, with shadows and without."""
     rng = np.random.default_rng(3)
@@ -318,7 +338,7 @@ def test_what_fog_hides_is_not_lit(kind: str) -> None:
     assert np.abs(lichen.render(scene).image.pixels - whole.image.pixels).max() < 1e-6
 
 
-@pytest.mark.parametrize("buffer", ["position", "normal", "albedo"])
+@pytest.mark.parametrize("buffer", ["position", "normal", "albedo", "height"])
 def test_what_is_no_number_in_a_buffer_stays_in_its_pixels(buffer: str) -> None:
     """With lamps that are left out of the tile, and a highlight of 1e4 beside it."""
     size = 40, 70
@@ -327,6 +347,7 @@ def test_what_is_no_number_in_a_buffer_stays_in_its_pixels(buffer: str) -> None:
         "position": np.stack([x, 0 * x, z], axis=-1).astype(np.float32),
         "normal": np.broadcast_to(np.array([0, 1, 0], np.float32), (*size, 3)).copy(),
         "albedo": np.full((*size, 3), 0.5, np.float32),
+        "height": 0.05 * np.sin(9 * x)[..., None].astype(np.float32),
     }
     given["albedo"][20, 40] = 1e4
     given[buffer][20, 41] = np.nan

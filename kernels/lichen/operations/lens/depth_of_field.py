@@ -31,7 +31,7 @@ head, Mathematical Biosciences 44, 1979.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -45,7 +45,6 @@ from lichen.operation import (
     Error,
     Facts,
     Footprint,
-    HardCase,
     Input,
     InputFacts,
     Inputs,
@@ -69,11 +68,10 @@ from lichen.operations.lens.circles import (
     segmented,
     taps,
 )
+from lichen.operations.lens.depth_of_field_cases import CASES
 from lichen.operations.lens.views import STEPS, Layers, layered, lens_points, signed, viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from lichen.opencl.device import Device
 
 
@@ -143,27 +141,6 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     )  # fmt: skip
 
 
-def _depths(*values: float) -> Mapping[str, Any]:
-    depth = np.array(values, np.float32).reshape(1, -1, 1)
-    return {"image": np.full(depth.shape, 0.7, np.float32), "depth": depth}
-
-
-def _grey(inputs: Mapping[str, Any], pixels: Array) -> str | None:
-    lost = np.isnan(inputs["depth"])
-    good = np.isnan(pixels[lost]).all() and np.abs(pixels[~lost] - np.float32(0.7)).max(initial=0.0) <= 1e-6
-    return None if good else f"a constant became {pixels.reshape(-1).tolist()}"
-
-
-def _leak() -> Mapping[str, Any]:
-    """A dark thing in focus before a bright ground far away."""
-    near = np.arange(32) < 16
-    depth = np.where(near, 1.0, 1e6).astype(np.float32).reshape(1, -1, 1)
-    return {
-        "image": np.repeat(np.where(near, 0.0, 1e4).astype(np.float32).reshape(1, -1, 1), 9, axis=0),
-        "depth": np.repeat(depth, 9, axis=0),
-    }
-
-
 depth_of_field = Operation(
     name="depth_of_field",
     family="lens",
@@ -185,31 +162,7 @@ depth_of_field = Operation(
         {"focus": 0.3, "blur": 1.5, "largest": 4.0, "blades": 6, "rotation": 10},
         {"focus": 2.0, "blur": 0.8, "largest": 8.0},
     ),
-    hard_cases=(
-        HardCase(
-            name="depths of 0, infinity and NaN",
-            why="focus / 0, inf / inf, and a radius that is none",
-            inputs=lambda: _depths(0.0, -0.0, np.inf, np.nan, 1.0, 1e-30, 1e30, -1.0, -np.inf),
-            parameters={"largest": 3.0},
-            holds=_grey,
-        ),
-        HardCase(
-            name="what is bright and far does not leak over what is in focus",
-            why="a gather by radii alone spreads the ground over the edge before it",
-            inputs=_leak,
-            parameters={"blur": 8},
-            holds=lambda inputs, pixels: (
-                None if float(pixels[:, :16].max()) == 0 else f"the edge shows {float(pixels[:, :16].max()):g}"
-            ),
-        ),
-        HardCase(
-            name="one pixel",
-            why="a neighbourhood of nothing",
-            inputs=lambda: _depths(5.0),
-            parameters={},
-            holds=_grey,
-        ),
-    ),
+    hard_cases=CASES,
 )
 
 

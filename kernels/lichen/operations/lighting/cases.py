@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -135,6 +136,20 @@ CASES = (
             "facet_roughness": 0.05,
         },
         _sound,
+    ),
+    *(
+        HardCase(
+            f"the exponent {exponent:g} of {model}, at its peak, beside it, and with the lamp's mirror image behind",
+            "powers of negative numbers; the cosine of a small angle in float32 to the power of 1e5",
+            lambda: {"normal": _row((0, 0, 2), (1e-3, 0, 1), (1, 0, 0.5), (0, 0, -1), (0, np.nan, 1))},
+            {"lights": [UP], "model": model, "diffuse": [0, 0, 0], "highlight": [1, 1, 1], "exponent": exponent},
+            _gives(*expected, np.nan, within=2e-3 * expected[0]),
+        )
+        for model, exponent, expected in (
+            ("phong", 1, (1, 1, 0, 0)),
+            ("phong", 1e5, (1, math.exp(-0.2), 0, 0)),
+            ("blinn_phong", 1e5, (12500.75, 12500.75 * math.exp(-0.05), 0, 0)),
+        )
     ),
     HardCase(
         "roughness 0 and 1, and far outside",

@@ -140,3 +140,5 @@ def test_flaws_are_named_together() -> None:
     pointers = {each.pointer for each in caught.value.flaws}
     named = {f"/parameters/{name}" for name in ("far", "colour", "heights", "densities", "up", "distance")}
     assert pointers == named | {"/inputs/depth"}
+    with pytest.raises(InvalidRequest, match="/parameters/end"):
+        lichen.run("fog", np.ones((4, 4, 3)), depth=np.ones((4, 4, 1)), kind="linear", start=2, end=2)

@@ -217,6 +217,9 @@ def test_flaws_are_named_before_anything_is_computed() -> None:
         lichen.run("lighting", normal=normal, lights=bad)
     named = {flaw.pointer.removeprefix("/parameters/lights/").split("/")[0] for flaw in caught.value.flaws}
     assert named >= {"0", "1", "2", "3", "4", "5"}
+    for exponent in (0, 1e6):
+        with pytest.raises(InvalidRequest, match="/parameters/exponent"):
+            lichen.run("lighting", normal=normal, model="phong", exponent=exponent)
 
 
 @pytest.mark.parametrize(
