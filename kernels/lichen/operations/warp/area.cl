@@ -2,7 +2,7 @@
  * `sizes` has three numbers for each level of the pyramid: where it starts in `pyramid`, counted in pixels, its width
  * and its height; level 0 is the picture itself. `means` is the mean of the picture. */
 
-#include "ellipses.clh"
+#include "ellipses_beyond.clh"
 
 #define ARGUMENTS                                                                                                      \
     global const double *restrict matrix, global const double *restrict table, global const float *restrict steps,     \
