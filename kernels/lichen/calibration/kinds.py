@@ -27,7 +27,6 @@ from lichen.calibration.fit import Sample, fit
 from lichen.operation import Rate
 
 NAME = "kinds.json"
-BACKENDS = ("opencl", "numpy")
 BELIEVED = 0.5
 """The share of what a few runs tell, as a power of it."""
 SHOWN = 0.25
@@ -85,7 +84,7 @@ def _ratios(base: Rate, samples: Sequence[Sample]) -> tuple[float, float]:
 def save() -> Path:
     """The table of this checkout, from the times of this machine. What was not measured stays as it is."""
     told, paces = dict(_table()), dict(_paces())
-    for backend in BACKENDS:
+    for backend in times.BACKENDS:
         if usual := times.pace(backend):
             paces[backend] = usual
         for (operation, method), rate in times.current(backend).items():
