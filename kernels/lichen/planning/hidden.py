@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from pydantic import Field
@@ -35,12 +34,9 @@ from lichen.part import Rectangle
 from lichen.planning.graph import Decision, Graph, Moved, Node, Request, inputs_of, rewired
 from lichen.planning.prune import cost
 from lichen.planning.region import WORTHWHILE, crop
-from lichen.processors import threads
 
 BLOCK = 16
 """Rows or columns that are looked through at once."""
-BAND = 8 << 20
-"""Bytes of a result that a thread copies at once."""
 CONVERSIONS = ("transfer", "premultiply")
 """Operations that leave coverage as it is."""
 
@@ -71,29 +67,10 @@ patch = Operation(
 
 @patch.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
-    return _patched(inputs, p, np.empty(inputs["image"].pixels.shape, np.float64))
-
-
-def _patched(inputs: Inputs, p: Parameters, out: Array) -> Array:
-    """Every pixel is written once, by threads that take a band of rows each: one alone does not fill the memory bus."""
-    image, part = inputs["image"].pixels, inputs["part"].pixels
-    bottom, right = p.top + part.shape[0], p.left + part.shape[1]
-
-    def band(start: int, end: int) -> None:
-        first, last = (min(max(row, start), end) for row in (p.top, bottom))
-        inner = slice(first, last)
-        out[start:first], out[last:end] = image[start:first], image[last:end]
-        out[inner, : p.left], out[inner, right:] = image[inner, : p.left], image[inner, right:]
-        out[inner, p.left : right] = part[first - p.top : last - p.top]
-
-    rows = max(1, BAND // out[0].nbytes)
-    starts = range(0, len(out), rows)
-    if len(starts) == 1:
-        band(0, len(out))
-        return out
-    with ThreadPoolExecutor(min(threads(), len(starts))) as pool:
-        list(pool.map(lambda start: band(start, min(start + rows, len(out))), starts))
-    return out
+    made = np.array(inputs["image"].pixels)
+    part = inputs["part"].pixels
+    made[p.top : p.top + part.shape[0], p.left : p.left + part.shape[1]] = part
+    return made
 
 
 @patch.method(
@@ -108,11 +85,20 @@ class Exact:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        return _patched(inputs, p, aligned_empty(inputs["image"].pixels.shape))
+        image, part = inputs["image"].pixels, inputs["part"].pixels
+        (height, width, channels), (tall, wide) = image.shape, part.shape[:2]
+        out = aligned_empty(image.shape)
+        numbers = (height, width * channels, p.top, p.top + tall, p.left * channels, wide * channels)
+        with device.session() as session:
+            session.launch(
+                "patch.cl", "patch", (height,), image, part, session.write(out), *(np.int32(n) for n in numbers),
+                local=(1,),
+            )  # fmt: skip
+        return out
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        return aligned(_patched(inputs, p, aligned_empty(inputs["image"].pixels.shape)))
+        return aligned(truth(inputs, p))
 
 
 def thin(nodes: Sequence[Node], images: Mapping[str, Image], *, prune: bool) -> dict[str, Rectangle]:

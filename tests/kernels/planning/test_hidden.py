@@ -10,6 +10,7 @@ import pytest
 from lichen.engine import Prepared, prepare_pipeline
 from lichen.execution import exact
 from lichen.image import Alpha, Image, Space
+from lichen.opencl.device import default_device
 from lichen.planning import hidden
 from lichen.planning.hidden import thin_part
 
@@ -87,11 +88,16 @@ def test_the_thin_part_is_found_from_all_sides() -> None:
 
 
 @pytest.mark.parametrize("part", [(0, 0, 50, 30), (7, 20, 11, 13), (0, 40, 50, 30), (49, 69, 1, 1)])
-def test_a_patch_is_the_same_in_bands(part: tuple[int, int, int, int], monkeypatch: pytest.MonkeyPatch) -> None:
-    left, top, width, height = part
+@pytest.mark.parametrize("tiled", [1, 16])
+def test_a_patch_is_the_same_on_a_device(part: tuple[int, int, int, int], tiled: int) -> None:
+    """Large results are written past the caches, in whole lines of them."""
+    left, top, width, height = (tiled * each for each in part)
+    below = BELOW.replace(pixels=np.tile(BELOW.pixels, (tiled, tiled, 1)))
     inner = Image(RNG.random((height, width, 4), dtype=np.float32), Space.SRGB, Alpha.ASSOCIATED)
-    expected = BELOW.pixels.copy()
+    expected = below.pixels.copy()
     expected[top : top + height, left : left + width] = inner.pixels
-    monkeypatch.setattr(hidden, "BAND", 3 * BELOW.pixels[0].nbytes)
-    made = hidden.Exact.numpy({"image": BELOW, "part": inner}, hidden.Parameters(left=left, top=top), 0.0)
-    np.testing.assert_array_equal(made, expected)
+    device, parameters = default_device(), hidden.Parameters(left=left, top=top)
+    assert device is not None
+    inputs = {"image": below, "part": inner}
+    np.testing.assert_array_equal(hidden.Exact.opencl(device, inputs, parameters, 0.0), expected)
+    np.testing.assert_array_equal(hidden.Exact.numpy(inputs, parameters, 0.0), expected)
