@@ -4,6 +4,10 @@ machine code, or by what the other computes. Pages show a reason where it is nee
 from __future__ import annotations
 
 REASONS: dict[str, str] = {
+    "gaussian, sigma 1, RGBA": (
+        "The peer cuts its kernel to 9 taps and errs by 16 times as much; ours takes 11, until a millionth of the weight "
+        "is left."
+    ),
     "box, 41 x 41, RGBA": (
         "Windows are joined from the ends and the beginnings of blocks, so that no sum drifts and no NaN outlives its "
         "window: three additions along each axis, and ends that wait in memory, where a running sum takes two."
@@ -41,6 +45,10 @@ REASONS: dict[str, str] = {
     "colour_map, viridis": (
         "The place between two colours is found in doubles, and every pixel gathers and blends two of its own; the "
         "peer looks up one of 256 codes of 8 bits."
+    ),
+    "pixel_texture, linear, RGBA": (
+        "The peer's places are whole numbers with five bits of fraction; ours are scaled, turned into places and split "
+        "in floats, for every pixel."
     ),
     "composite, over, RGBA": "Two pictures are read and one is written at 92 % of the roofline.",
     "compare, RGB, 1024 px": (

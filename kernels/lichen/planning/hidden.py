@@ -37,6 +37,8 @@ from lichen.planning.region import WORTHWHILE, crop
 
 BLOCK = 16
 """Rows or columns that are looked through at once."""
+PROBED = 16
+"""Points of a row that are looked at first: columns lie apart in memory, and to go through 16 takes 0.5 ms."""
 CONVERSIONS = ("transfer", "premultiply")
 """Operations that leave coverage as it is."""
 
@@ -130,7 +132,9 @@ def thin_part(image: Image) -> Rectangle | None:
 
 
 def _opaque(coverage: Array) -> int:
-    """How many of the first rows are opaque."""
+    """How many of the first rows are opaque. Most pictures show at a few points of the first one that none is."""
+    if (coverage[:1, :: max(1, coverage.shape[1] // PROBED)] != 1).any():
+        return 0
     for first in range(0, len(coverage), BLOCK):
         thin = np.flatnonzero((coverage[first : first + BLOCK] != 1).any(axis=1))
         if thin.size:
