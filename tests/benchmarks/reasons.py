@@ -5,8 +5,8 @@ from __future__ import annotations
 
 REASONS: dict[str, str] = {
     "gaussian, sigma 1, RGBA": (
-        "The peer cuts its kernel to 9 taps and errs by 16 times as much; ours takes 11, until a millionth of the weight "
-        "is left."
+        "The peer cuts its kernel to 9 taps and errs by 16 times as much; ours takes 11, until a millionth of the "
+        "weight is left."
     ),
     "box, 41 x 41, RGBA": (
         "Windows are joined from the ends and the beginnings of blocks, so that no sum drifts and no NaN outlives its "
