@@ -299,9 +299,7 @@ def _widest(document: Document) -> list[Mapping[str, Any]]:
 
 
 def _summary(document: Document, run: Mapping[str, Any]) -> str:
-    pairs = [
-        (row, peer, peer["ms"] / row["ours"]["ms"]) for row in run["rows"] for peer in row["peers"] if peer.get("ms")
-    ]
+    pairs = [(row, peer, peer["ms"] / row["ours"]["ms"]) for row in run["rows"] for peer in plots.rivals(row)]
     ratios = [ratio for *_, ratio in pairs]
     behind = [f"{peer['name']} in {row['work']} ({ratio:.2f})" for row, peer, ratio in pairs if ratio < 1]
     name = f"[{document['title']}]({document['part']}.md)"
