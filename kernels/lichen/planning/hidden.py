@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from lichen.image import Alpha, Extent, Image
-from lichen.memory import Array, aligned, aligned_empty
+from lichen.memory import Array, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import (
     EXACT,
@@ -69,10 +69,14 @@ patch = Operation(
 
 @patch.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
-    made = np.array(inputs["image"].pixels)
+    return _patched(inputs, p, np.empty(inputs["image"].pixels.shape, np.float64))
+
+
+def _patched(inputs: Inputs, p: Parameters, out: Array) -> Array:
     part = inputs["part"].pixels
-    made[p.top : p.top + part.shape[0], p.left : p.left + part.shape[1]] = part
-    return made
+    out[...] = inputs["image"].pixels
+    out[p.top : p.top + part.shape[0], p.left : p.left + part.shape[1]] = part
+    return out
 
 
 @patch.method(
@@ -100,7 +104,7 @@ class Exact:
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        return aligned(truth(inputs, p))
+        return _patched(inputs, p, aligned_empty(inputs["image"].pixels.shape))
 
 
 def thin(nodes: Sequence[Node], images: Mapping[str, Image], *, prune: bool) -> dict[str, Rectangle]:
