@@ -105,6 +105,11 @@ class Session:
         finally:
             self._release()
 
+    @property
+    def in_step(self) -> bool:
+        """Whether work-items step together, thousands at once: there each does and keeps as little as it can."""
+        return self._device.lanes > 1
+
     # ------------------------------------------------------------------------------------------------ arrays
 
     def read(self, array: Array) -> Held:

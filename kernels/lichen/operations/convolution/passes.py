@@ -27,6 +27,7 @@ from lichen.operations.convolution.stencil import (
     WIDE,
     Stencil,
     banded,
+    correlate,
     gathering,
     stride_of,
 )
@@ -83,16 +84,16 @@ def separable_opencl(device: Device, image: Image, down: Vector, across: Vector,
     with device.session() as session:
         steps = Steps(session, border, value)
         tall, wide = _folds(down, height, image), _folds(across, width, image)
-        laid = None if tall or wide else rows_laid_out(len(down), len(across), channels)
+        laid = None if tall or wide or session.in_step else rows_laid_out(len(down), len(across), channels)
         if laid:
             centred = (down, len(down) // 2), (across, radius)
             both_axes(session, image.pixels, out, centred, laid, border, value)
             return out
-        # The last load of a row may run over by one segment.
-        padded = session.scratch((height, (width + 2 * radius) * channels + 64))
         between = session.scratch(image.pixels.shape)
         if tall:
             steps.multiply(*folded(down, height, border), image.pixels, between)
+        elif session.in_step:
+            correlate(session, image.pixels, between, Stencil(down[:, np.newaxis], len(down) // 2, 0), border, value)
         elif wide:
             steps.columns(image.pixels, between, 0, down)
         if wide:
@@ -100,7 +101,11 @@ def separable_opencl(device: Device, image: Image, down: Vector, across: Vector,
             steps.flip(between, turned)
             steps.multiply(*folded(across, width, border), turned, back)
             steps.flip(back, out)
+        elif session.in_step:
+            correlate(session, between, out, Stencil(across[np.newaxis], 0, radius), border, value * float(down.sum()))
         else:
+            # The last load of a row may run over by one segment.
+            padded = session.scratch((height, (width + 2 * radius) * channels + 64))
             source, taps = (between, np.ones(1)) if tall else (image.pixels, down)
             steps.columns(source, padded, radius * channels, taps)
             steps.margins(padded, width, channels, radius)
@@ -191,10 +196,11 @@ class Steps:
         count, depth = matrix.shape
         width = source.size // depth
         start = np.zeros(count) if constant is None else self.value * constant
+        kernel, grid = ("apart", (width, count)) if self.session.in_step else ("multiply", (-(-width // STRIP),))
         self.session.launch(
-            "convolution/products.cl", "multiply", (-(-width // STRIP),),
+            "convolution/products.cl", kernel, grid,
             aligned(matrix.T), source, aligned(start), self.session.write(target),
-            np.int32(count), np.int32(depth), np.int32(width), local=(1,),
+            np.int32(count), np.int32(depth), np.int32(width), local=None if self.session.in_step else (1,),
         )  # fmt: skip
 
     def flip(self, source: Array, target: Array) -> None:

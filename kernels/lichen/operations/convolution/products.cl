@@ -4,6 +4,7 @@
 //   columns. 128 rows of the strip are copied to private memory at a time and meet all rows of `left` there, eight at
 //   once. Partial sums of 128 terms are added up afterwards, which also keeps the rounding of long sums small. Row i of
 //   the result starts from start[i].
+// apart: the same, one float an item, for devices whose items step together and share a cache.
 // flip: (rows x columns) groups of `channels` floats, transposed.
 
 #define STRIP 32
@@ -68,6 +69,22 @@ __kernel void multiply(__global const float *restrict left, __global const float
             }
         }
     }
+}
+
+__kernel void apart(__global const float *restrict left, __global const float *restrict in,
+                    __global const float *restrict start, __global float *restrict out, int count, int depth, int width)
+{
+    int x = get_global_id(0), i = get_global_id(1);
+    if (x >= width || i >= count)
+        return;
+    float total = start[i];
+    for (int first = 0; first < depth; first += DEPTH) {
+        float sum = 0.0f;
+        for (int j = first; j < min(first + DEPTH, depth); j++)
+            sum = fma(left[(size_t)j * count + i], in[(size_t)j * width + x], sum);
+        total += sum;
+    }
+    out[(size_t)i * width + x] = total;
 }
 
 __kernel void flip(__global const float *restrict in, __global float *restrict out, int rows, int columns,

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lichen.image import Alpha, Image
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
-from lichen.opencl.session import Session
+from lichen.opencl.session import Argument, Session
 from lichen.operation import ROUNDING, Border, Facts, Footprint
 from lichen.operations.convolution.borders import OUTSIDE, continued
 
@@ -99,6 +99,15 @@ def correlate(
 ) -> None:
     """Launch the stencil from one array of shape (height, width, channels) to another; `add` to what is there."""
     height, width, channels = source.shape
+    if session.in_step:
+        places = np.argwhere(stencil.taps)
+        weights = aligned(stencil.taps[tuple(places.T)] if len(places) else np.zeros(1))
+        apart(
+            session, "correlate", source, out, stencil, border, value,
+            aligned(places * (1, channels) if len(places) else np.zeros((1, 2)), np.int32), weights,
+            np.int32(len(places)), np.float32(stencil.bias), np.int32(add),
+        )  # fmt: skip
+        return
     target, floats = session.readwrite(out), width * channels
     wide = WIDEST // channels + 1
     widest = stride_of(min(wide, stencil.taps.shape[1]), channels)
@@ -117,6 +126,20 @@ def correlate(
             np.float32(part.bias), np.int32(capacity), np.int32(add or number > 0), local=(1, 1),
             defines={"STAGE": STAGE},
         )  # fmt: skip
+
+
+def apart(
+    session: Session, kernel: str, source: Array, out: Array, window: Stencil, border: Border, value: float,
+    *arguments: Argument,
+) -> None:  # fmt: skip
+    """Launch a kernel of `apart.cl` over an array of shape (height, width, channels)."""
+    height, width, channels = source.shape
+    rows, columns = gathering(source.shape, window, 1, (window.taps.shape[1] - 1) * channels, border)
+    session.launch(
+        "convolution/apart.cl", kernel, (width * channels, height),
+        source, rows, columns, session.readwrite(out), np.int32(height), np.int32(width * channels),
+        np.int32(channels), np.float32(value), *arguments,
+    )  # fmt: skip
 
 
 def laid_out(rows: int, columns: int, channels: int) -> tuple[int, int, int]:

@@ -24,7 +24,7 @@ from lichen.opencl.device import Device
 from lichen.opencl.session import Session
 from lichen.operation import Border, Footprint
 from lichen.operations.convolution.borders import OUTSIDE, continued
-from lichen.operations.convolution.stencil import Stencil, banded, gathering, stride_of
+from lichen.operations.convolution.stencil import Stencil, apart, banded, gathering, stride_of
 
 LANES, BAND = 32, 64
 STAGE, MARGIN, TILES = 49152, 8192, (512, 256)
@@ -79,6 +79,9 @@ def windows_opencl(
     private = {"STAGE": STAGE, "MARGIN": MARGIN, "TILE": TILES[0]}
     tile = _tile(window, channels)
     with device.session() as session:
+        if session.in_step:
+            _apart(session, pixels, out, window, combine, border, value)
+            return out
         if tile is None:
             _one_by_one(session, pixels, out, window, border, value, defines)
             return out
@@ -103,6 +106,21 @@ def _tile(window: Window, channels: int) -> int | None:
         if blocks <= STAGE and stride_of(window.width, channels, tile) + window.width * channels + 16 <= MARGIN:
             return tile
     return None
+
+
+def _apart(
+    session: Session, pixels: Array, out: Array, window: Window, combine: Combine, border: Border, value: float
+) -> None:
+    """Down, and then across, sample by sample: what a processor would do slowly, and a device in step does at once."""
+    between = session.scratch(pixels.shape)
+    for source, target, (tall, wide), (top, left) in (
+        (pixels, between, (window.height, 1), (window.top, 0)),
+        (between, out, (1, window.width), (0, window.left)),
+    ):
+        apart(
+            session, "window", source, target, Stencil(np.ones((tall, wide)), top, left), border, value,
+            np.int32(tall), np.int32(wide), np.int32(combine), np.float32(1 / (tall * wide)),
+        )  # fmt: skip
 
 
 def _one_by_one(

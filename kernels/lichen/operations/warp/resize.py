@@ -315,7 +315,7 @@ def launched(device: Device, session: Session, pixels: Array, across: Axis, down
     out = aligned_empty((height, width, channels))
     given = (*tables(down, value), np.int32(down.taps)), (*tables(across, value), np.int32(across.taps))
     slots, spans = down.slots(), across.spans(WIDE // channels)
-    if slots is not None and spans is not None:
+    if slots is not None and spans is not None and not session.in_step:  # such rings are for first caches
         strips, band = len(spans[1]), BAND
         while band > 8 and strips * -(-height // band) < 4 * device.compute_units:
             band //= 2
