@@ -23,7 +23,7 @@ from lichen.opencl.programs import compose
 from lichen.opencl.watching import watched
 from lichen.operation import Facts, Inputs
 from lichen.planning.bands import spans
-from lichen.planning.fuse import stage_of, text_of
+from lichen.planning.fuse import steps_of, text_of
 from lichen.planning.graph import TRUTH, Banded, Graph, Node
 from lichen.planning.memory import last_readers
 from lichen.planning.plan import Plan
@@ -65,7 +65,8 @@ def computed(
         before(node.name)
         with _watched(chains.get(node.name, [node]), before):
             if node.name in chains and device is not None:
-                return by_chain(chains[node.name], plan.graph, inputs, device)
+                values = {node.inputs[key]: image for key, image in inputs.items()}
+                return by_chain(chains[node.name], plan.graph, values, device)
             return by_method(node, inputs, device)
 
     def made(node: Node, inputs: Inputs) -> Array:
@@ -131,21 +132,22 @@ def by_method(node: Node, inputs: Inputs, device: Device | None) -> Array:
         return body.opencl(device, single, node.parameters, knob)
 
 
-def by_chain(nodes: Sequence[Node], graph: Graph, inputs: Inputs, device: Device) -> Array:
-    """A chain of pointwise nodes by one generated kernel, or one after the other where there are too many kernels."""
+def by_chain(nodes: Sequence[Node], graph: Graph, values: Mapping[str, Image], device: Device) -> Array:
+    """A chain of pointwise nodes by one generated kernel, or one after the other where there are too many kernels.
+    `values` are the pictures that it reads by their names in the graph."""
     facts = graph.facts()
-    (image,) = inputs.values()
-    stages = [stage for node in nodes if (stage := stage_of(node, facts)) is not None]
-    alphas = [facts[source].alpha for node in nodes for source in node.inputs.values()]
-    source = compose(text_of(stages, image.channels, alphas))
+    steps = steps_of(nodes, facts)
+    image = values[steps[0].sources[0]]
+    source = compose(text_of(steps, image.channels))
     if source is None:
-        return _in_turn(nodes, facts, image, device)
+        return _in_turn(nodes, facts, values, device)
     pixels = aligned(image.pixels, np.float32)
+    beside = [aligned(values[step.beside].pixels, np.float32) for step in steps if step.beside is not None]
     out = aligned_empty(pixels.shape)
-    numbers = aligned(np.array([*(number for stage in stages for number in stage.numbers), 0], np.float32))
+    numbers = aligned(np.array([*(number for step in steps for number in step.stage.numbers), 0], np.float32))
     count = image.height * image.width
     with device.session() as session:
-        session.sweep(source, "fused", -(-count // 16), pixels, session.write(out), numbers, np.int32(count))
+        session.sweep(source, "fused", -(-count // 16), pixels, session.write(out), numbers, np.int32(count), *beside)
     return out
 
 
@@ -168,12 +170,12 @@ def by_bands(banded: Banded, graph: Graph, inputs: Inputs, step: Compute) -> Arr
     return out
 
 
-def _in_turn(nodes: Sequence[Node], facts: Mapping[str, Facts], image: Image, device: Device) -> Array:
+def _in_turn(nodes: Sequence[Node], facts: Mapping[str, Facts], values: Mapping[str, Image], device: Device) -> Array:
+    found = dict(values)
     for node in nodes:
-        pixels = by_method(node, {next(iter(node.inputs)): image}, device)
-        made = facts[node.name]
-        image = Image(pixels, made.space, made.alpha, image.storage, image.metadata)
-    return image.pixels
+        pixels = by_method(node, {key: found[source] for key, source in node.inputs.items()}, device)
+        found[node.name] = Image(pixels, facts[node.name].space, facts[node.name].alpha)
+    return pixels
 
 
 def _single(image: Image) -> Image:

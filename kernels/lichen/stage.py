@@ -14,6 +14,8 @@ class Stage:
     `source` is a header below `operations/` that defines `void OWN(stage)(float16 *v, global const float *k)`, which
     changes sixteen pixels in place: a vector for each of CHANNELS channels, of which COLOURS are no coverage. It does
     the method's own arithmetic, bit for bit. `defines` hold while it is included; `numbers`, float32, arrive in `k`.
+    Where the operation takes two pictures, it is `void OWN(stage)(float16 *v, const float16 *w, global const float *k)`
+    and changes those of the first picture.
     """
 
     source: str
