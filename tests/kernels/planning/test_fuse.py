@@ -154,6 +154,48 @@ def test_a_chain_holds_few_pictures_that_were_made_for_it() -> None:
     assert plan.peak_bytes <= whole.peak_bytes
 
 
+KERNEL = "convolve:kernel=[[1,2,3],[0,-4,1.5],[2,0.5,-1]],scale=0.25"
+SAME = f"levels:black=0.1|curve:points={[[0, 0], [0.3, 0.2], [1, 1]]}|transfer:direction=encode"
+
+
+@pytest.mark.parametrize("size", [(3, 1), (33, 70), (70, 400)])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_a_convolution_goes_on_with_what_is_done_to_each_sample(size: tuple[int, int], channels: int) -> None:
+    pixels = np.random.default_rng(4).random((*size, channels), dtype=np.float32)
+    pixels[-1, 0, 0] = np.nan
+    image = Image(pixels, Space.DATA)
+    fused, alone = (
+        lichen.run_pipeline(f"{KERNEL}|{SAME}", image, device="opencl", max_error=1.0, prune=prune)["result"]
+        for prune in (True, False)
+    )
+    assert fused.plan.graph.fused == (("convolve", "levels", "curve", "transfer"),)
+    methods = [[node.choice.method for node in each.plan.nodes if node.choice] for each in (fused, alone)]
+    assert methods[0] == methods[1]
+    np.testing.assert_array_equal(fused.image.pixels, alone.image.pixels)
+    assert np.isnan(fused.image.pixels).any()
+
+
+def test_where_a_convolution_does_not_go_on() -> None:
+    assert links(f"{KERNEL}|saturation|levels:black=0.1") == [("saturation", "levels")]
+    assert links(f"{KERNEL}|levels:black=[0.1,0.2,0.3]|levels:white=2") == [("levels", "levels2")]
+    assert links("convolve:name=disc,radius=9,method=direct|levels:black=0.1") == []
+    assert links(f"{KERNEL},method=fft|levels:black=0.1") == []
+    assert links(f"{KERNEL}|levels:black=0.1") == [("convolve", "levels")]
+    covered = Image(np.full((8, 8, 4), 0.5, np.float32), Space.LINEAR, Alpha.ASSOCIATED)
+    fused = lichen.explain_pipeline(f"{KERNEL}|levels:black=0.1", covered, device="opencl").graph.fused
+    assert "convolve" not in {name for chain in fused for name in chain}
+
+
+def test_a_convolution_goes_on_one_after_the_other_where_there_are_too_many_kernels(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    image = Image(np.random.default_rng(1).random((8, 8, 3), dtype=np.float32))
+    fused = lichen.run_pipeline(f"{KERNEL}|{SAME}", image, device="opencl", max_error=1.0)["result"]
+    monkeypatch.setattr(execution, "compose", lambda text: None)
+    apart = lichen.run_pipeline(f"{KERNEL}|{SAME}", image, device="opencl", max_error=1.0)["result"]
+    np.testing.assert_array_equal(apart.image.pixels, fused.image.pixels)
+
+
 def test_where_chains_are_not_fused() -> None:
     text = "levels:black=0.1|levels:black=0.2"
     assert links(text)
