@@ -23,7 +23,7 @@ from lichen.opencl.programs import compose
 from lichen.opencl.watching import watched
 from lichen.operation import Facts, Inputs
 from lichen.planning.bands import spans
-from lichen.planning.fuse import head_of, steps_of, tail_of, text_of
+from lichen.planning.fuse import FEWEST, head_of, steps_of, tail_of, text_of
 from lichen.planning.graph import TRUTH, Banded, Graph, Node
 from lichen.planning.memory import last_readers
 from lichen.planning.plan import Plan
@@ -134,7 +134,7 @@ def by_method(node: Node, inputs: Inputs, device: Device | None) -> Array:
 
 
 def by_chain(nodes: Sequence[Node], graph: Graph, values: Mapping[str, Image], device: Device) -> Array:
-    """A chain of nodes by one generated kernel, or one after the other where there are too many kernels.
+    """A chain of nodes by one generated kernel, or one after the other where there are too many kernels or few pixels.
     `values` are the pictures that it reads by their names in the graph."""
     facts = graph.facts()
     if (head := head_of(nodes[0], facts)) is not None:
@@ -145,13 +145,13 @@ def by_chain(nodes: Sequence[Node], graph: Graph, values: Mapping[str, Image], d
         return head.run(device, inputs, Tail(source, _numbers(numbers)))
     steps = steps_of(nodes, facts)
     image = values[steps[0].sources[0]]
-    if (source := compose(text_of(steps, image.channels))) is None:
+    count = image.height * image.width
+    if count < FEWEST or (source := compose(text_of(steps, image.channels))) is None:
         return _in_turn(nodes, facts, values, device)
     pixels = aligned(image.pixels, np.float32)
     beside = [aligned(values[step.beside].pixels, np.float32) for step in steps if step.beside is not None]
     out = aligned_empty(pixels.shape)
     given = _numbers(number for step in steps for number in step.stage.numbers)
-    count = image.height * image.width
     with device.session() as session:
         session.sweep(source, "fused", -(-count // 16), pixels, session.write(out), given, np.int32(count), *beside)
     return out

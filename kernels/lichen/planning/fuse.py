@@ -37,6 +37,8 @@ LONGEST = 16
 """Stages of one kernel."""
 BESIDE = 2
 """Pictures that a chain reads and that are neither sources nor parts of such."""
+FEWEST = 16
+"""Pixels of a picture that a chain's kernel can make."""
 TRIED = 1 << 16
 """Steps whose error is carried anew in the search for further links, about; 0.2 s."""
 MOVED = {"start": 2e-4, "step": 1.5e-10}
@@ -239,7 +241,9 @@ def steps_of(nodes: Sequence[Node], facts: Mapping[str, Facts]) -> list[Step]:
 
 
 def text_of(steps: Sequence[Step], channels: int) -> str:
-    """The kernel of a chain, for `Session.sweep`: `fused(in, out, k, pixels, ...)` with what steps read beside it."""
+    """The kernel of a chain, for `Session.sweep`: `fused(in, out, k, pixels, ...)` with what steps read beside it, for
+    `FEWEST` pixels at least. The last sixteen begin so much earlier that they are sixteen, and some are made twice:
+    what takes fewer, for every picture that is read, would be most of the text."""
     lines = [f"#define {name} {channels}" for name in ("IN", "OUT", "READ", "MADE", "CHANNELS")]
     lines.append('#include "colour/planes.clh"')
     for number, step in enumerate(steps):
@@ -252,23 +256,23 @@ def text_of(steps: Sequence[Step], channels: int) -> str:
         f"                  global const float *restrict k, int pixels{others})",
         "{",
         "    int end = run_end(pixels);",
-        "    for (int first = run_start(); first < end; first += WIDTH) {",
-        "        int count = min(end - first, WIDTH);",
+        "    for (int at = run_start(); at < end; at += WIDTH) {",
+        "        int first = min(at, pixels - WIDTH);",
         "        global const float *from = in + (size_t)first * IN;",
         "        float16 v[4], w[4];",
-        "        load_planes(from, count, v);",
+        "        load_planes(from, WIDTH, v);",
     ]
     at = 0
     for number, step in enumerate(steps):
         pictures = "v"
         if step.beside:
-            lines.append(f"        load_planes(other{number} + (size_t)first * IN, count, w);")
+            lines.append(f"        load_planes(other{number} + (size_t)first * IN, WIDTH, w);")
             pictures = "w, v" if step.chained else "v, w"
         lines.append(f"        stage{number}_stage({pictures}, k + {at});")
         if step.chained:
             lines += [f"        v[{channel}] = w[{channel}];" for channel in range(channels)]
         at += len(step.stage.numbers)
-    lines.append("        store_planes(v, from, count, out + (size_t)first * OUT, pixels);")
+    lines.append("        store_planes(v, from, WIDTH, out + (size_t)first * OUT, pixels);")
     return "\n".join([*lines, "    }", "}"]) + "\n"
 
 
