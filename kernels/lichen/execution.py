@@ -7,7 +7,7 @@ graph names, and dropped after its last reader.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import Any
@@ -23,11 +23,12 @@ from lichen.opencl.programs import compose
 from lichen.opencl.watching import watched
 from lichen.operation import Facts, Inputs
 from lichen.planning.bands import spans
-from lichen.planning.fuse import stage_of, text_of
+from lichen.planning.fuse import FEWEST, head_of, steps_of, tail_of, text_of
 from lichen.planning.graph import TRUTH, Banded, Graph, Node
 from lichen.planning.memory import last_readers
 from lichen.planning.plan import Plan
 from lichen.sharing import Shared
+from lichen.stage import Tail
 
 Compute = Callable[[Node, Inputs], Array]
 Before = Callable[[str], None]
@@ -65,7 +66,8 @@ def computed(
         before(node.name)
         with _watched(chains.get(node.name, [node]), before):
             if node.name in chains and device is not None:
-                return by_chain(chains[node.name], plan.graph, inputs, device)
+                values = {node.inputs[key]: image for key, image in inputs.items()}
+                return by_chain(chains[node.name], plan.graph, values, device)
             return by_method(node, inputs, device)
 
     def made(node: Node, inputs: Inputs) -> Array:
@@ -131,22 +133,33 @@ def by_method(node: Node, inputs: Inputs, device: Device | None) -> Array:
         return body.opencl(device, single, node.parameters, knob)
 
 
-def by_chain(nodes: Sequence[Node], graph: Graph, inputs: Inputs, device: Device) -> Array:
-    """A chain of pointwise nodes by one generated kernel, or one after the other where there are too many kernels."""
+def by_chain(nodes: Sequence[Node], graph: Graph, values: Mapping[str, Image], device: Device) -> Array:
+    """A chain of nodes by one generated kernel, or one after the other where there are too many kernels or few pixels.
+    `values` are the pictures that it reads by their names in the graph."""
     facts = graph.facts()
-    (image,) = inputs.values()
-    stages = [stage for node in nodes if (stage := stage_of(node, facts)) is not None]
-    alphas = [facts[source].alpha for node in nodes for source in node.inputs.values()]
-    source = compose(text_of(stages, image.channels, alphas))
-    if source is None:
-        return _in_turn(nodes, facts, image, device)
-    pixels = aligned(image.pixels, np.float32)
-    out = aligned_empty(pixels.shape)
-    numbers = aligned(np.array([*(number for stage in stages for number in stage.numbers), 0], np.float32))
+    if (head := head_of(nodes[0], facts)) is not None:
+        text, numbers = tail_of(nodes[1:], facts, head.source)
+        if (source := compose(text)) is None:
+            return _in_turn(nodes, facts, values, device)
+        inputs = {key: _single(values[each]) for key, each in nodes[0].inputs.items()}
+        return head.run(device, inputs, Tail(source, _numbers(numbers)))
+    steps = steps_of(nodes, facts)
+    image = values[steps[0].sources[0]]
     count = image.height * image.width
+    if count < FEWEST or (source := compose(text_of(steps, image.channels))) is None:
+        return _in_turn(nodes, facts, values, device)
+    pixels = aligned(image.pixels, np.float32)
+    beside = [aligned(values[step.beside].pixels, np.float32) for step in steps if step.beside is not None]
+    out = aligned_empty(pixels.shape)
+    given = _numbers(number for step in steps for number in step.stage.numbers)
     with device.session() as session:
-        session.sweep(source, "fused", -(-count // 16), pixels, session.write(out), numbers, np.int32(count))
+        session.sweep(source, "fused", -(-count // 16), pixels, session.write(out), given, np.int32(count), *beside)
     return out
+
+
+def _numbers(given: Iterable[float]) -> Array:
+    """As a kernel reads them, which must have one at least."""
+    return aligned(np.array([*given, 0], np.float32))
 
 
 def by_bands(banded: Banded, graph: Graph, inputs: Inputs, step: Compute) -> Array:
@@ -168,12 +181,12 @@ def by_bands(banded: Banded, graph: Graph, inputs: Inputs, step: Compute) -> Arr
     return out
 
 
-def _in_turn(nodes: Sequence[Node], facts: Mapping[str, Facts], image: Image, device: Device) -> Array:
+def _in_turn(nodes: Sequence[Node], facts: Mapping[str, Facts], values: Mapping[str, Image], device: Device) -> Array:
+    found = dict(values)
     for node in nodes:
-        pixels = by_method(node, {next(iter(node.inputs)): image}, device)
-        made = facts[node.name]
-        image = Image(pixels, made.space, made.alpha, image.storage, image.metadata)
-    return image.pixels
+        pixels = by_method(node, {key: found[source] for key, source in node.inputs.items()}, device)
+        found[node.name] = Image(pixels, facts[node.name].space, facts[node.name].alpha)
+    return pixels
 
 
 def _single(image: Image) -> Image:

@@ -40,7 +40,7 @@ from lichen.part import WHOLE as WHOLE
 from lichen.part import Footprint as Footprint
 from lichen.part import Part, Rectangle
 from lichen.part import halo as halo
-from lichen.stage import Stage, no_stage
+from lichen.stage import Head, Stage, no_head, no_stage
 from lichen.study import Study
 
 if TYPE_CHECKING:
@@ -197,13 +197,15 @@ class Method(Generic[P]):
     knob: Knob | None = None
     unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None
     stage: Callable[[P, InputFacts], Stage | None] = no_stage
-    """what it is as a step of a fused chain on OpenCL, where it is pointwise and reads one picture"""
+    """what it is as a step of a fused chain on OpenCL, where it is pointwise and reads one picture or two"""
     scratch: float | None = None
     """what it takes for itself while it runs on OpenCL, in float32 pictures as large as the largest that it reads or
     makes, as measured; None: nothing where the operation is pointwise, else one"""
     least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0
     """what its error is at least, and its usual one, rounding aside: known at once where `error` takes long to prove,
     so that methods that cannot be accurate enough need not be asked"""
+    head: Callable[[P, InputFacts], Head | None] = no_head
+    """what it is at the head of a fused chain on OpenCL, where its kernel goes on with one"""
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
         return self.rates[backend].seconds(self.work(parameters, knob, facts))
@@ -315,13 +317,14 @@ class Operation(Generic[P]):
         stage: Callable[[P, InputFacts], Stage | None] = no_stage,
         scratch: float | None = None,
         least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0,
+        head: Callable[[P, InputFacts], Head | None] = no_head,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
             self.methods[name] = Method(
-                name, description, implementation, error, work, rates, knob, unfit, stage, scratch, least
+                name, description, implementation, error, work, rates, knob, unfit, stage, scratch, least, head
             )
             return implementation
 

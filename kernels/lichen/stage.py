@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lichen.memory import Array
+    from lichen.opencl.device import Device
+    from lichen.operation import Inputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,13 +19,40 @@ class Stage:
     `source` is a header below `operations/` that defines `void OWN(stage)(float16 *v, global const float *k)`, which
     changes sixteen pixels in place: a vector for each of CHANNELS channels, of which COLOURS are no coverage. It does
     the method's own arithmetic, bit for bit. `defines` hold while it is included; `numbers`, float32, arrive in `k`.
+    Where the operation takes two pictures, it is `void OWN(stage)(float16 *v, const float16 *w, global const float *k)`
+    and changes those of the first picture.
     """
 
     source: str
     defines: Mapping[str, int | float | str] = field(default_factory=dict)
     numbers: tuple[float, ...] = ()
+    single: tuple[float, ...] | None = None
+    """the numbers where CHANNELS and COLOURS are 1, of a method that does the same to all colours; None of others"""
+
+
+@dataclass(frozen=True, slots=True)
+class Tail:
+    """What a kernel does to each of its results before it writes it: `float16 tail(float16 v, global const float *k)`
+    with the `numbers` in `k`, in a source that defines TAIL and goes on with the kernel's own."""
+
+    source: str
+    numbers: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """A method that reads its neighbours as the head of a chain: the kernel's source, and what launches it with a tail
+    in the place of that source."""
+
+    source: str
+    run: Callable[[Device, Inputs, Tail], Array]
 
 
 def no_stage(parameters: Any, facts: Any) -> Stage | None:
     """Of methods that are no step of a chain."""
+    return None
+
+
+def no_head(parameters: Any, facts: Any) -> Head | None:
+    """Of methods that do not go on with a chain."""
     return None

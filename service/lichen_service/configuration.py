@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,6 +64,8 @@ def load(flags: Mapping[str, str | None] | None = None, environ: Mapping[str, st
 
 def _read_file(path: str, flaws: list[str]) -> dict[str, Any]:
     """The lines of a file by setting; what is wrong with the file goes to `flaws`."""
+    import tomllib  # the service starts sooner without it
+
     try:
         lines = tomllib.loads(Path(path).read_text("utf-8"))
     except OSError as failure:

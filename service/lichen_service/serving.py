@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lichen_service import configuration
-from lichen_service.access.guard import must_not_listen
+from lichen_service.access.reach import must_not_listen
 from lichen_service.http import server
 from lichen_service.settings import FIGURES, SHARED
 

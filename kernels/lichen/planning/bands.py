@@ -34,8 +34,7 @@ def bands(graph: Graph, request: Request) -> Graph:
     facts = graph.facts()
     if not any(_bytes(each) >= WORTHWHILE for each in facts.values()):
         return graph
-    chains = _chains(graph, facts)
-    found = tuple(_banded(chain, facts) for chain in chains if len(chain) > 1)
+    found = tuple(_banded(chain, graph, facts) for chain in _chains(graph, facts) if len(chain) > 1)
     return graph.replace(banded=found).deciding(_decision(each, facts) for each in found)
 
 
@@ -52,7 +51,7 @@ def _chains(graph: Graph, facts: Mapping[str, Facts]) -> list[list[Node]]:
             continue
         before = chains.get(node.first or "")
         alone = read.get(node.first or "") == 1 and node.first not in kept
-        if before is not None and alone and _fits([*before, node], facts):
+        if before is not None and alone and _fits([*before, node], graph, facts):
             del chains[before[-1].name]
             chains[node.name] = [*before, node]
         else:
@@ -74,23 +73,25 @@ def _near(node: Node, facts: Mapping[str, Facts]) -> bool:
     )
 
 
-def _reach(node: Node, facts: Mapping[str, Facts]) -> int:
-    return node.operation.footprint(node.parameters, inputs_of(node, facts)).rows or 0
+def _reach(step: Node, graph: Graph, facts: Mapping[str, Facts]) -> int:
+    """Of a step, which may be a chain that runs as one: rows that its head reaches."""
+    head = next((graph.named(chain[0]) for chain in graph.fused if chain[-1] == step.name), step)
+    return head.operation.footprint(head.parameters, inputs_of(head, facts)).rows or 0
 
 
-def _rows(chain: Sequence[Node], facts: Mapping[str, Facts]) -> int:
+def _rows(chain: Sequence[Node], graph: Graph, facts: Mapping[str, Facts]) -> int:
     """Of a band: as many as stay near the processor, and enough for what all steps reach."""
     each = max(_bytes(facts[node.name]) // facts[node.name].height for node in chain)
-    return max(BAND // each, FEWEST * sum(_reach(node, facts) for node in chain), 1)
+    return max(BAND // each, FEWEST * sum(_reach(node, graph, facts) for node in chain), 1)
 
 
-def _fits(chain: Sequence[Node], facts: Mapping[str, Facts]) -> bool:
-    return 4 * _rows(chain, facts) <= facts[chain[0].name].height
+def _fits(chain: Sequence[Node], graph: Graph, facts: Mapping[str, Facts]) -> bool:
+    return 4 * _rows(chain, graph, facts) <= facts[chain[0].name].height
 
 
-def _banded(chain: Sequence[Node], facts: Mapping[str, Facts]) -> Banded:
-    reaches = [_reach(node, facts) for node in chain]
-    return Banded(tuple(node.name for node in chain), _rows(chain, facts), tuple(reaches))
+def _banded(chain: Sequence[Node], graph: Graph, facts: Mapping[str, Facts]) -> Banded:
+    reaches = [_reach(node, graph, facts) for node in chain]
+    return Banded(tuple(node.name for node in chain), _rows(chain, graph, facts), tuple(reaches))
 
 
 def spans(banded: Banded, start: int, height: int) -> list[tuple[int, int]]:

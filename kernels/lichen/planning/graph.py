@@ -364,11 +364,23 @@ def _collapsed(nodes: tuple[Node, ...], chains: Sequence[tuple[str, ...]]) -> tu
     if not chains:
         return nodes
     found = {node.name: node for node in nodes}
-    ends = {chain[-1]: found[chain[0]].inputs for chain in chains}
+    ends = {chain[-1]: _read([found[name] for name in chain]) for chain in chains}
     inner = {name for chain in chains for name in chain[:-1]}
     return tuple(
         node.replace(inputs=ends[node.name]) if node.name in ends else node for node in nodes if node.name not in inner
     )
+
+
+def _read(chain: Sequence[Node]) -> dict[str, str]:
+    """What a chain reads that it does not make; first what the picture was that its result is made of at last."""
+    made = {node.name for node in chain}
+    read: dict[str, str] = {}
+    for number, node in enumerate(chain):
+        own = {
+            f"{key}.{number}" if number else key: source for key, source in node.inputs.items() if source not in made
+        }
+        read = {**read, **own} if node.first in made else {**own, **read}
+    return read
 
 
 @dataclass(frozen=True, slots=True)

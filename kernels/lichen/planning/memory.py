@@ -42,8 +42,8 @@ def peak_bytes(graph: Graph, facts: Mapping[str, Facts]) -> int:
 
 def _own_bytes(graph: Graph, facts: Mapping[str, Facts]) -> dict[str, int]:
     """What each step takes while it runs, beside what it reads and makes; by the names of what runs."""
-    chained = {chain[-1] for chain in graph.fused}
-    own = {node.name: 0 if node.name in chained else _scratch(node, facts) for node in graph.steps()}
+    heads = {chain[-1]: graph.named(chain[0]) for chain in graph.fused}
+    own = {node.name: _scratch(heads.get(node.name, node), facts) for node in graph.steps()}
     for banded in graph.banded:
         rows = banded.rows + 2 * sum(banded.reaches)
         most = 0.0

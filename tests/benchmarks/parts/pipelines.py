@@ -2,6 +2,7 @@
 
 The chain decode, matrix, exposure, saturation, curve, encode on RGB runs as one kernel, its nodes one after the other,
 and as one writes the same with NumPy, OpenCV and OpenImageIO. Planning is timed by the processor time of its thread.
+Memory stands beside that of libvips, which is installed into an environment of its own, which is no part of Lichen.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ import cv2
 import numpy as np
 import OpenImageIO as oiio
 from measuring import Copies, Figure, Turns, available, quick
+from rivals import environment
 from sections import Section, bars, table
 
 import lichen
@@ -41,6 +43,28 @@ CHAIN = (
     f"transfer:direction=decode|matrix:matrix={MATRIX.tolist()}|levels:white=0.7|saturation:amount=1.2"
     f"|curve:points={POINTS}|transfer:direction=encode"
 )
+
+VIPS = """
+import json, struct, sys, time
+import pyvips
+
+def most():
+    (line,) = (line for line in open("/proc/self/status") if line.startswith("VmHWM"))
+    return int(line.split()[1]) << 10
+
+size, nodes = int(sys.argv[1]), int(sys.argv[2])
+pixels = struct.pack("f", 0.5) * (size * size * 4)
+before, began = most(), time.perf_counter()
+image = pyvips.Image.new_from_memory(pixels, size, size, 4, "float")
+mean = pyvips.Image.new_from_array([[1, 1, 1]] * 3, scale=9)
+for i in range(nodes):
+    black = 0.01 * (i % 9 + 1)
+    image = image.linear(1 / (1 - black), -black / (1 - black)) if i % 2 else image.conv(mean, precision="float")
+image = image.copy_memory()
+took = time.perf_counter() - began
+print(json.dumps({"grown": (most() - before) / len(pixels), "seconds": took}))
+"""
+"""The chain of `memory` by libvips, which computes all of it in small regions."""
 
 
 def decoded(x: np.ndarray) -> np.ndarray:
@@ -176,20 +200,42 @@ def planning(nodes: int) -> Section:
     return table(f"Planning a graph of {nodes} nodes", ["backend", "ms", "ms when nothing is known yet"], rows)
 
 
-def memory(size: int, nodes: int) -> Section:
-    """In a process of its own, whose peak is not that of what ran before."""
-    code = f"import json; from parts.pipelines import grown; print(json.dumps(grown({size}, {nodes})))"
-    command, folder = [sys.executable, "-c", code], Path(__file__).resolve().parents[1]
-    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True, cwd=folder).stdout)
+def memory(size: int, nodes: int, tell: Callable[[str], None]) -> Section:
+    """Each in a process of its own, whose peak is not that of what ran before."""
+    code = f"from parts.pipelines import grown; print(grown({size}, {nodes}))"
+    found = {
+        "Lichen": told([sys.executable, "-c", code]),
+        "libvips": told([str(environment(tell) / "python"), "-c", VIPS, str(size), str(nodes)]),
+    }
+    rows = [
+        [name, *(f"{each[key]:.2f}" if key in each else "" for key in ("foreseen", "grown", "seconds"))]
+        for name, each in found.items()
+        if isinstance(each, dict)
+    ]
     text = (
-        f"{nodes} nodes on {size} x {size} RGBA: {found['foreseen']:.2f} pictures foreseen with the source; the "
-        f"process grew by {found['grown']:.2f} beside it; {found['seconds']:.1f} s."
+        "Means of 3 x 3 and levels in turn, from floats in memory to floats in memory. The process grew by its result "
+        "and whatever else it held at the same time, beside the source."
     )
-    return table("Memory", [], [], text)
+    missing = [f" {name} is not measured: {each}." for name, each in found.items() if isinstance(each, str)]
+    title = f"Memory that {nodes} nodes take on {size} x {size} RGBA, in pictures"
+    return table(title, ["by", "foreseen, with the source", "grew by", "s"], rows, text + "".join(missing))
 
 
-def grown(size: int, nodes: int) -> dict[str, float]:
-    """Memory in pictures, and the time it took."""
+def told(command: Sequence[str]) -> dict[str, Any] | str:
+    """What a program says in JSON, or the last line of why it says nothing."""
+    folder = Path(__file__).resolve().parents[1]
+    try:
+        done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=folder)
+    except OSError as error:
+        return str(error)
+    if done.returncode:
+        return (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def grown(size: int, nodes: int) -> str:
+    """Memory in pictures, and the time it took; as JSON."""
     image = Image(np.zeros((size, size, 4), np.float32))
     vars(image)["extent"] = Extent(0.0, 1.0, 0)
     text = "|".join(("box:width=3,height=3", f"levels:black=0.0{i % 9 + 1}")[i % 2] for i in range(nodes))
@@ -199,7 +245,7 @@ def grown(size: int, nodes: int) -> dict[str, float]:
     plan = lichen.run_pipeline(text, image, max_error=1e-3)["result"].plan
     took = time.perf_counter() - began
     more = (most() - before) / image.pixels.nbytes
-    return {"foreseen": plan.peak_bytes / image.pixels.nbytes, "grown": more, "seconds": took}
+    return json.dumps({"foreseen": plan.peak_bytes / image.pixels.nbytes, "grown": more, "seconds": took})
 
 
 def most() -> int:
@@ -296,17 +342,17 @@ def invisible(size: int) -> Section:
 def sections(tell: Callable[[str], None]) -> list[Section]:
     found: list[Section] = []
     for name, work in FIGURES.items():
-        made = work()
+        made = work(tell)
         found += made if isinstance(made, list) else [made]
         tell(f"{name}: {found[-1]['text'] or found[-1]['title']}")
     return found
 
 
-FIGURES: dict[str, Callable[[], Any]] = {
-    "chain": lambda: chain(512 if quick() else 2048),
-    "planning": lambda: planning(100),
-    "part": lambda: part(1024 if quick() else 8192, 256),
-    "layers": lambda: layers(512 if quick() else 2048),
-    "invisible": lambda: invisible(512 if quick() else 2048),
-    "memory": lambda: memory(1024 if quick() else 8192, 12),
+FIGURES: dict[str, Callable[[Callable[[str], None]], Any]] = {
+    "chain": lambda tell: chain(512 if quick() else 2048),
+    "planning": lambda tell: planning(100),
+    "part": lambda tell: part(1024 if quick() else 8192, 256),
+    "layers": lambda tell: layers(512 if quick() else 2048),
+    "invisible": lambda tell: invisible(512 if quick() else 2048),
+    "memory": lambda tell: memory(1024 if quick() else 8192, 12, tell),
 }

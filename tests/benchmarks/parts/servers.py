@@ -10,10 +10,7 @@ installed into an environment of their own, which is no part of Lichen.
 from __future__ import annotations
 
 import contextlib
-import os
 import statistics
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -23,13 +20,13 @@ import numpy as np
 import serving
 from measuring import available, quick
 from parts.requests import HEIGHT, WIDTH, as_image, photo, split
+from rivals import environment
 from sections import Section, bars, table
 
 from lichen.files import decode, encode
 from lichen.image import Storage
 
 TITLE = "Servers"
-RIVALS = ("thumbor", "pyvips[binary]")
 SMALL = WIDTH // 4
 ROUNDS, SECONDS = (1, 0.2) if quick() else (2, 2.5)
 CROWD = 4
@@ -94,19 +91,6 @@ def jobs(body: bytes) -> dict[str, dict[str, Ask]]:
             "thumbor": get("/unsafe/filters:quality(90)/photo.jpg"),
         },
     }
-
-
-def environment(tell: Callable[[str], None]) -> Path:
-    """The folder of programs where the rivals are installed; made if it is not there."""
-    folder = Path(os.environ.get("LICHEN_RIVALS", Path(tempfile.gettempdir()) / "lichen-rivals"))
-    if not (folder / "ready").exists():
-        tell(f"installing {', '.join(RIVALS)} into {folder}")
-        subprocess.run([sys.executable, "-m", "venv", "--clear", folder], check=True, stdout=sys.stderr)
-        pip = [folder / "bin" / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-        for each in RIVALS:  # one that cannot be had costs its own rows
-            subprocess.run([*pip, each], check=False, stdout=sys.stderr)
-        (folder / "ready").touch()
-    return folder / "bin"
 
 
 @contextlib.contextmanager

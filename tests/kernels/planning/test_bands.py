@@ -43,6 +43,19 @@ def test_bands_are_what_the_whole_is(device: str) -> None:
     assert banded.plan.to_json()["bands"] == [{"nodes": list(chain.steps), "rows": chain.rows}]
 
 
+def test_bands_reach_as_far_as_the_heads_of_fused_chains() -> None:
+    kernel = [[0.1, 0.2, 0.1], [0.0, 0.3, 0.0], [0.1, 0.1, 0.1]]
+    text = f"convolve:kernel={kernel}|levels:black=0.01|saturation|convolve:kernel={kernel}|levels:white=2"
+    banded, whole = (
+        prepare_pipeline(text, PICTURE, device="opencl", max_error=1e-4, prune=prune) for prune in (True, False)
+    )
+    assert [len(chain) for chain in banded.plan.graph.fused] == [2, 2]
+    (chain,) = banded.plan.graph.banded
+    assert chain.reaches == (1, 0, 1)
+    made, expected = (each.run()["result"].image.pixels for each in (banded, whole))
+    np.testing.assert_array_equal(made, expected)
+
+
 def test_steps_make_what_the_next_reads() -> None:
     banded = Banded(("a", "b", "c"), 10, (0, 2, 3))
     assert bands.spans(banded, 0, 25) == [(0, 15), (0, 15), (0, 13), (0, 10)]

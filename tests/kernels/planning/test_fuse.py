@@ -15,6 +15,7 @@ from lichen.image import Alpha, Image, Space
 from lichen.opencl import programs
 from lichen.opencl.device import default_device
 from lichen.operation import Error, Facts, Method, Operation, no_stage
+from lichen.operations.compositing.blending import Operator
 from lichen.planning import fuse
 from lichen.planning.error import reaching_with
 from lichen.planning.fuse import LONGEST, stage_of
@@ -35,12 +36,13 @@ CHAIN = (
 )
 
 
-def picture(channels: int, alpha: Alpha, height: int = 9, width: int = 13) -> Image:
-    rng = np.random.default_rng(channels)
-    pixels = (rng.random((height, width, channels)) * 1.5 - 0.25).astype(np.float32)
+def picture(channels: int, alpha: Alpha, seed: int = 0) -> Image:
+    """9 x 13 pixels with all that is hard; of another seed it lies elsewhere."""
+    pixels = (np.random.default_rng([channels, seed]).random((9, 13, channels)) * 1.5 - 0.25).astype(np.float32)
     pixels[0, :5, 0] = [np.nan, np.inf, -np.inf, 0.0, -0.0]
     pixels[1, :4] = [[1e-40], [1e30], [-1e-3], [0.0031308]]
-    return Image(pixels, Space.DATA, alpha)
+    pixels[2, :4, -1] = [0, 1, np.nan, 1.5]
+    return Image(np.roll(pixels, seed * 3, axis=1), Space.DATA, alpha)
 
 
 @pytest.mark.parametrize(("operation", "method"), list(STAGED.values()), ids=list(STAGED))
@@ -52,22 +54,22 @@ def test_a_stage_does_what_its_method_does(
 ) -> None:
     device = default_device()
     assert device is not None
-    image = picture(channels, alpha)
-    facts = {"in": Facts.of(image)}
+    names = [each.name for each in operation.inputs if each.required]
+    images = {name: picture(channels, alpha, seed) for seed, name in enumerate(names)}
+    facts = {name: Facts.of(image) for name, image in images.items()}
     tried = 0
     # What becomes of a fourth channel shows as well in a few examples; every one is a program of its own.
     for example in operation.examples[: 2 if channels == 4 else None]:
         parameters = operation.validate(example)
-        name = operation.inputs[0].name
         choice = Candidate(method.name, None, Told(Error(0.0, "bound")), 0.0)
-        node = Node("a", operation, parameters, {name: "in"}, choice)
-        if operation.check(parameters, {name: facts["in"]}):
+        node = Node("a", operation, parameters, {name: name for name in names}, choice)
+        if operation.check(parameters, facts):
             continue
         graph = Graph.of(facts, (node,), "a")
         if stage_of(node, graph.facts()) is None:
             continue
-        fused = by_chain([node], graph, {name: image}, device)
-        np.testing.assert_array_equal(fused, by_method(node, {name: image}, device), err_msg=str(example))
+        fused = by_chain([node], graph, images, device)
+        np.testing.assert_array_equal(fused, by_method(node, images, device), err_msg=str(example))
         tried += 1
     assert tried or channels == 4
 
@@ -103,6 +105,8 @@ def links(text: str | dict[str, Any], channels: int = 3, **wish: Any) -> list[tu
 def test_chains_end_where_others_read_or_pixels_meet() -> None:
     assert links("levels:black=0.1|gaussian:sigma=1|levels:black=0.2|saturation") == [("levels2", "saturation")]
     assert links("a=levels:black=0.1|b=levels:black=0.2|mix:base=a,amount=0.5|c=levels|d=levels:gamma=2") == []
+    both = "a=levels:black=0.1|composite:base=a,opacity=0.5"
+    assert links(both) == [], "the chain so far is read twice"
     two = {
         "nodes": {
             "a": {"operation": "levels", "parameters": {"black": 0.1}},
@@ -112,6 +116,84 @@ def test_chains_end_where_others_read_or_pixels_meet() -> None:
         "outputs": {"x": "a", "y": "c"},
     }
     assert links(two) == [("b", "c")]
+
+
+def stack(layers: int, top: str = "image") -> tuple[dict[str, Any], dict[str, Image]]:
+    """Layers on each other by all operators in turn, or under each other, encoded at the end."""
+    images = {f"l{n}": picture(4, Alpha.ASSOCIATED, n).replace(space=Space.LINEAR) for n in range(layers)}
+    below = "base" if top == "image" else "image"
+    nodes = {
+        f"n{number}": {
+            "operation": "composite",
+            "parameters": {"operator": list(Operator)[number % len(Operator)], "opacity": 0.9},
+            "inputs": {below: f"n{number - 1}" if number > 1 else "input.l0", top: f"input.l{number}"},
+        }
+        for number in range(1, layers)
+    }
+    nodes["end"] = {"operation": "levels", "parameters": {"black": 0.01}, "inputs": {"image": f"n{layers - 1}"}}
+    return {"nodes": nodes, "outputs": {"x": "end"}}, images
+
+
+@pytest.mark.parametrize("top", ["image", "base"])
+def test_pictures_on_each_other_are_one_kernel_with_the_same_bits(top: str) -> None:
+    pipeline, images = stack(len(Operator) + 1, top)
+    fused, alone = (
+        lichen.run_pipeline(pipeline, images=images, device="opencl", prune=prune)["x"] for prune in (True, False)
+    )
+    assert any(len(chain) > 2 for chain in fused.plan.graph.fused)
+    np.testing.assert_array_equal(fused.image.pixels, alone.image.pixels)
+
+
+def test_a_chain_holds_few_pictures_that_were_made_for_it() -> None:
+    """Blurs of one picture on each other, each made just before it is wanted."""
+    said = "".join(f"|b{n}=gaussian:sigma={n},image=input.image|n{n}=composite:base=n{n - 1}" for n in range(1, 7))
+    image = picture(4, Alpha.ASSOCIATED).replace(space=Space.LINEAR)
+    text = f"n0=gaussian:sigma=0.5{said}|levels:black=0.01|levels:black=0.02"
+    plan, whole = (lichen.explain_pipeline(text, image, device="opencl", prune=prune) for prune in (True, False))
+    assert plan.graph.fused
+    assert plan.peak_bytes <= whole.peak_bytes
+
+
+KERNEL = "convolve:kernel=[[1,2,3],[0,-4,1.5],[2,0.5,-1]],scale=0.25"
+SAME = f"levels:black=0.1|curve:points={[[0, 0], [0.3, 0.2], [1, 1]]}|transfer:direction=encode"
+
+
+@pytest.mark.parametrize("size", [(3, 1), (33, 70), (70, 400)])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_a_convolution_goes_on_with_what_is_done_to_each_sample(size: tuple[int, int], channels: int) -> None:
+    pixels = np.random.default_rng(4).random((*size, channels), dtype=np.float32)
+    pixels[-1, 0, 0] = np.nan
+    image = Image(pixels, Space.DATA)
+    fused, alone = (
+        lichen.run_pipeline(f"{KERNEL}|{SAME}", image, device="opencl", max_error=1.0, prune=prune)["result"]
+        for prune in (True, False)
+    )
+    assert fused.plan.graph.fused == (("convolve", "levels", "curve", "transfer"),)
+    methods = [[node.choice.method for node in each.plan.nodes if node.choice] for each in (fused, alone)]
+    assert methods[0] == methods[1]
+    np.testing.assert_array_equal(fused.image.pixels, alone.image.pixels)
+    assert np.isnan(fused.image.pixels).any()
+
+
+def test_where_a_convolution_does_not_go_on() -> None:
+    assert links(f"{KERNEL}|saturation|levels:black=0.1") == [("saturation", "levels")]
+    assert links(f"{KERNEL}|levels:black=[0.1,0.2,0.3]|levels:white=2") == [("levels", "levels2")]
+    assert links("convolve:name=disc,radius=9,method=direct|levels:black=0.1") == []
+    assert links(f"{KERNEL},method=fft|levels:black=0.1") == []
+    assert links(f"{KERNEL}|levels:black=0.1") == [("convolve", "levels")]
+    covered = Image(np.full((8, 8, 4), 0.5, np.float32), Space.LINEAR, Alpha.ASSOCIATED)
+    fused = lichen.explain_pipeline(f"{KERNEL}|levels:black=0.1", covered, device="opencl").graph.fused
+    assert "convolve" not in {name for chain in fused for name in chain}
+
+
+def test_a_convolution_goes_on_one_after_the_other_where_there_are_too_many_kernels(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    image = Image(np.random.default_rng(1).random((8, 8, 3), dtype=np.float32))
+    fused = lichen.run_pipeline(f"{KERNEL}|{SAME}", image, device="opencl", max_error=1.0)["result"]
+    monkeypatch.setattr(execution, "compose", lambda text: None)
+    apart = lichen.run_pipeline(f"{KERNEL}|{SAME}", image, device="opencl", max_error=1.0)["result"]
+    np.testing.assert_array_equal(apart.image.pixels, fused.image.pixels)
 
 
 def test_where_chains_are_not_fused() -> None:

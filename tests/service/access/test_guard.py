@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from lichen_service.access import keys, signing
-from lichen_service.access.guard import must_not_listen
 from lichen_service.access.keys import Keys, SigningKey
+from lichen_service.access.reach import must_not_listen
 from lichen_service.app import Service
 from lichen_service.http.message import Head
 from lichen_service.settings import Settings

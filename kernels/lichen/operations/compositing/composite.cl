@@ -10,13 +10,7 @@
 
 #include "numeric.clh"
 #include "planes.clh"
-
-#define ONE ((float16)(1.0f))
-#define ZERO ((float16)(0.0f))
-
-// c f, and nothing where f is 0, whatever c is.
-PLANE_FN float16 part(float16 c, float16 f) { return f == 0.0f ? ZERO : c * f; }
-
+#include "part.clh"
 #include "blend.clh"
 
 kernel void composite(global const float *restrict image, global const float *restrict base,

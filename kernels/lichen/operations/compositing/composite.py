@@ -66,6 +66,7 @@ from lichen.operations.compositing.blending import (
 )
 from lichen.operations.compositing.composite_cases import CASES
 from lichen.operations.compositing.layers import FLOAT_MAX, colours, placed, row_blocks, same_size, split
+from lichen.stage import Stage
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -320,11 +321,27 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     return _joined(*_laid(inputs, p), p, _covered(p, _facts(inputs)))
 
 
+def _numbers(p: Parameters) -> tuple[float, ...]:
+    """The operator's four numbers, and what coverage is at most."""
+    return *linear_factors(p.operator), 1.0 if p.operator is Operator.PLUS else math.inf
+
+
+def _saturating(p: Parameters) -> dict[str, int]:
+    return {"SATURATE": int(p.operator is Operator.SATURATE)}
+
+
+def _stage(p: Parameters, facts: InputFacts) -> Stage | None:
+    if p.blend is not Blend.NORMAL or "mask" in facts or _aside(p, facts):
+        return None
+    return Stage("compositing/composite_stage.clh", _saturating(p), (p.opacity, *_numbers(p)))
+
+
 @composite.method(
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples * (1.0 if p.blend is Blend.NORMAL else 2.0),
     rates={"opencl": Rate(3e-4, 2e-9), "numpy": Rate(1e-4, 2e-8)},
+    stage=_stage,
 )
 class Exact:
     """The formulas in float32, sixteen pixels at a time."""
@@ -341,10 +358,9 @@ class Exact:
             "COLOURS": base.colours, "IMAGE": image.channels, "BASE": base.channels, "OUT": out.shape[2],
             "MASK": 0 if weights is None else weights.shape[2],
             "BLEND": 0 if p.blend is Blend.NORMAL else 1 if p.blend.separable else 2,
-            "SATURATE": int(p.operator is Operator.SATURATE),
+            **_saturating(p),
         }  # fmt: skip
-        most = 1.0 if p.operator is Operator.PLUS else math.inf
-        factors = [np.float32(each) for each in (*linear_factors(p.operator), most)]
+        factors = [np.float32(each) for each in _numbers(p)]
         given = (aligned(image.pixels), ground)
         flat = (image.channels, base.channels, out.shape[2]) == (4, 4, 4) and base.colours == 3
         with device.session() as session:

@@ -29,7 +29,7 @@ from collections.abc import Callable
 from lichen.image import Alpha, Image
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
-from lichen.operation import Border, Input, Inputs, Knob, Light, Operation, Rate
+from lichen.operation import Border, Input, InputFacts, Inputs, Knob, Light, Operation, Rate
 from lichen.operations.convolution import convolve_base as base
 from lichen.operations.convolution import lowrank
 from lichen.operations.convolution.convolve_base import Parameters, mean_stencil, stencil
@@ -37,12 +37,15 @@ from lichen.operations.convolution.convolve_cases import CASES
 from lichen.operations.convolution.kernels import separated
 from lichen.operations.convolution.missing import MASK, leaves_out, renormalised, renormalised_opencl
 from lichen.operations.convolution.stencil import (
+    SOURCE,
+    TAILED,
     correlate_numpy,
     correlate_opencl,
     kept_coverage,
     sum_of_taps,
 )
 from lichen.operations.convolution.transform import correlated_by_transform
+from lichen.stage import Head, Tail
 
 # -------------------------------------------------------------------------------------------------------- operation
 
@@ -110,8 +113,22 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     return _by_channel(inputs, p, body)
 
 
+def _head(p: Parameters, facts: InputFacts) -> Head | None:
+    if p.kernels is not None or p.coverage == "kept" or leaves_out(p.missing, facts):
+        return None
+    taps = stencil(p)
+    if max(taps.taps.shape) > TAILED:
+        return None
+
+    def run(device: Device, inputs: Inputs, tail: Tail) -> Array:
+        return correlate_opencl(device, inputs["image"], taps, p.border, p.value, tail)
+
+    return Head(SOURCE, run)
+
+
 @convolve.method(
     "direct",
+    head=_head,
     scratch=0.1,
     error=base.worst(base.direct_error),
     work=base.total(base.direct_work),

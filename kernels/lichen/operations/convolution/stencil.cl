@@ -6,8 +6,15 @@
 //
 // A zero tap is in no run, so no NaN leaves the taps that are there. `width` and all strides count floats.
 
+// Definitions given at build time:
+//   TAIL(v, k)   what becomes of sixteen samples of the result before they are written, with the numbers in `k` (fuse.py)
+
 #include "staged.clh"
 #include "strips.clh"
+
+#ifndef TAIL
+#define TAIL(v, k) (v)
+#endif
 
 // A run of `count` < BLOCK taps; `count` is a literal where this is called, so that everything unrolls.
 inline __attribute__((always_inline)) void short_run(const float *p, int stride, __global const float *weights,
@@ -36,7 +43,7 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
                         __global const int *restrict beside, __global const int *restrict runs,
                         __global const float *restrict weights, __global float *restrict out, int height, int width,
                         int reach, int tall, int stride, int band, int tile, int run_count, float value, float bias,
-                        int capacity, int accumulate)
+                        int capacity, int accumulate, __global const float *restrict numbers)
 {
     int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
@@ -83,7 +90,7 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
             #pragma unroll
             for (int i = 0; i < BLOCK; i++, to += width)
                 if (j + i < rows)
-                    add_line(to, sums[i].v[0], sums[i].v[1], wide - k, whole, accumulate);
+                    add_line(to, TAIL(sums[i].v[0], numbers), TAIL(sums[i].v[1], numbers), wide - k, whole, accumulate);
         }
     }
 }

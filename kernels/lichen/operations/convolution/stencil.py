@@ -20,9 +20,13 @@ from lichen.opencl.device import Device
 from lichen.opencl.session import Argument, Session
 from lichen.operation import ROUNDING, Border, Facts, Footprint
 from lichen.operations.convolution.borders import OUTSIDE, continued
+from lichen.stage import Tail
 
 Matrix = npt.NDArray[np.float64]
 
+SOURCE = "convolution/stencil.cl"
+TAILED = 15
+"""Rows and columns of a stencil that others go on with at most; of larger ones the tail is little of the time."""
 STAGE, NEAR, BLOCK = 49152, 6144, 8
 """Floats staged by one work-item at most, as many as the first cache holds, and rows computed at once at most."""
 ITEMS, TALLEST, BANDS = 192, 512, 24
@@ -87,17 +91,28 @@ def reach_of_values(facts: Facts, border: Border, value: float) -> tuple[float, 
     return (min(low, value), max(high, value)) if border is Border.CONSTANT else (low, high)
 
 
-def correlate_opencl(device: Device, image: Image, stencil: Stencil, border: Border, value: float) -> Array:
+def correlate_opencl(
+    device: Device, image: Image, stencil: Stencil, border: Border, value: float, tail: Tail | None = None
+) -> Array:
     out = aligned_empty(image.pixels.shape)
     with device.session() as session:
-        correlate(session, image.pixels, out, stencil, border, value)
+        correlate(session, image.pixels, out, stencil, border, value, tail=tail)
     return out
 
 
 def correlate(
-    session: Session, source: Array, out: Array, stencil: Stencil, border: Border, value: float, *, add: bool = False
+    session: Session,
+    source: Array,
+    out: Array,
+    stencil: Stencil,
+    border: Border,
+    value: float,
+    *,
+    add: bool = False,
+    tail: Tail | None = None,
 ) -> None:
-    """Launch the stencil from one array of shape (height, width, channels) to another; `add` to what is there."""
+    """Launch the stencil from one array of shape (height, width, channels) to another; `add` to what is there. A `tail`
+    is for stencils of `TAILED` taps a side, which are in one part."""
     height, width, channels = source.shape
     if session.in_step:
         places = np.argwhere(stencil.taps)
@@ -119,11 +134,12 @@ def correlate(
         runs, weights = _runs(part.taps.astype(np.float64).tobytes(), rows, stride, channels)
         tiles, band = -(-floats // tile), banded(height, -(-floats // tile), rows)
         session.launch(
-            "convolution/stencil.cl", "correlate", (tiles, -(-height // band)),
+            tail.source if tail else SOURCE, "correlate", (tiles, -(-height // band)),
             source, down, beside, runs, weights,
             target, np.int32(height), np.int32(floats), np.int32(part.left * channels), np.int32(rows),
             np.int32(stride), np.int32(band), np.int32(tile), np.int32(len(runs)), np.float32(value),
-            np.float32(part.bias), np.int32(capacity), np.int32(add or number > 0), local=(1, 1),
+            np.float32(part.bias), np.int32(capacity), np.int32(add or number > 0), tail.numbers if tail else None,
+            local=(1, 1),
             defines={"STAGE": STAGE},
         )  # fmt: skip
 

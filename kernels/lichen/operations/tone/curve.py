@@ -306,7 +306,7 @@ def _stage(p: Parameters) -> Stage:
     numbers = tuple(map(float, [*_ends(p, 1), *columns.reshape(-1)]))
     shape = {"COUNT": len(p.points) - 1, "APART": columns.shape[1]}
     defines = {"EXTENDED": int(p.beyond is Beyond.EXTEND), "PICKED": picked, **shape}
-    return Stage("tone/curve_stage.clh", defines, numbers)
+    return Stage("tone/curve_stage.clh", defines, numbers, numbers if picked < 0 else None)
 
 
 @curve.method(

@@ -355,16 +355,19 @@ def _numbers(p: Parameters, colours: int) -> Array:
     return np.array(columns, dtype=np.float32).T
 
 
+def _stage(p: Parameters, facts: InputFacts) -> Stage:
+    numbers = _numbers(p, _colours(facts["image"]))
+    single = tuple(map(float, numbers[:, 0])) if (numbers == numbers[:, :1]).all() else None
+    defines = {"CLAMPED": int(p.clamp), "CURVED": _curved(p)}
+    return Stage("tone/levels_stage.clh", defines, tuple(map(float, np.ravel(numbers))), single)
+
+
 @levels.method(
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples * (3.0 if _curved(p) else 1.0),
     rates={"opencl": Rate(2e-4, 2.4e-10), "numpy": Rate(1e-4, 2.2e-9)},
-    stage=lambda p, facts: Stage(
-        "tone/levels_stage.clh",
-        {"CLAMPED": int(p.clamp), "CURVED": _curved(p)},
-        tuple(map(float, np.ravel(_numbers(p, _colours(facts["image"]))))),
-    ),
+    stage=_stage,
 )
 class Exact:
     """The formula in float32, black in two parts."""

@@ -236,8 +236,8 @@ def _stage(p: Parameters, facts: InputFacts, degree: int = 0) -> Stage | None:
     """For fused kernels; curves of several pieces and exponents by channel run alone."""
     if p.curve not in WHOLE or isinstance(p.gamma, tuple):
         return None
-    made = definitions(form(p), p.clamped, degree), tuple(map(float, constants(form(p), degree)))
-    return Stage("tone/transfer_stage.clh", *made)
+    numbers = tuple(map(float, constants(form(p), degree)))
+    return Stage("tone/transfer_stage.clh", definitions(form(p), p.clamped, degree), numbers, numbers)
 
 
 @transfer.method(
