@@ -136,6 +136,7 @@ class Bare:
         self._next, self._given = os.pipe()  # numbers of items, each read by whichever process comes first
         code = f"""
 import json, os, sys
+from lichen_batch import places
 from lichen_batch.item import Item
 from lichen_batch.work import perform
 from lichen_client import Client
@@ -143,7 +144,9 @@ with Client(local=True) as client:
     for line in sys.stdin:
         items, outcomes = json.loads(line), []
         while number := int(os.read({self._next}, 8)):
-            outcomes.append(perform(client, Item.from_json(items[number - 1])))
+            item = Item.from_json(items[number - 1])
+            outcomes.append(perform(client, item, str(os.getpid())))
+            places.keep(item.outputs.values(), str(os.getpid()))
         assert all(each.ok for each in outcomes)
         print(sum(each.whole for each in outcomes), flush=True)
 """
