@@ -22,11 +22,20 @@ class Keeper:
 
     def keep(self, item: Item, outcome: Outcome, token: str, promised: Future[Outcome]) -> None:
         """Promises the outcome of an item whose outputs were laid under `token`: they are in their places then."""
-        self._pool.submit(lambda: promised.set_result(_kept(item, outcome, token)))
+        self._pool.submit(_keep, item, outcome, token, promised)
 
     def end(self) -> None:
         """Leaves what it has not begun where it lies."""
         self._pool.shutdown(cancel_futures=True)
+
+
+def _keep(item: Item, outcome: Outcome, token: str, promised: Future[Outcome]) -> None:
+    try:
+        kept = _kept(item, outcome, token)
+    except BaseException as wrong:  # somebody waits for an answer
+        promised.set_exception(wrong)
+    else:
+        promised.set_result(kept)
 
 
 def _kept(item: Item, outcome: Outcome, token: str) -> Outcome:
