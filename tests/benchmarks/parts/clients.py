@@ -188,6 +188,8 @@ class Turn:
     """seconds that the stages of an item took"""
     others: float
     """share of the processors that was not ours"""
+    idle: float
+    """share of the processors that nobody used"""
 
 
 @dataclass
@@ -213,6 +215,10 @@ class Turns:
         """Of processor time an item."""
         return statistics.median(each[name].processor for each in self.calm) * 1e3
 
+    def idle(self, name: str) -> float:
+        """Share of the processors that nobody used."""
+        return statistics.median(each[name].idle for each in self.calm)
+
     @property
     def whole(self) -> float:
         """Milliseconds of an item."""
@@ -234,8 +240,9 @@ def by_turns(folder: Path, count: int, rounds: int, doing: Mapping[str, Bare | B
                 busy, used, began = _busy(), _processor_seconds(), time.monotonic()
                 taken = doing[name].do(items)
                 elapsed, used, busy = time.monotonic() - began, _processor_seconds() - used, _busy() - busy
-            others = (busy - used) / elapsed / (os.cpu_count() or 1)
-            turn[name] = Turn(count / elapsed, used / count, taken / count, others)
+            whole = elapsed * (os.cpu_count() or 1)
+            shares = (busy - used) / whole, max(0.0, 1 - busy / whole)
+            turn[name] = Turn(count / elapsed, used / count, taken / count, *shares)
         turns.rounds += [turn] if number else []
     return turns
 
@@ -317,7 +324,8 @@ def batch() -> str:
     told = [
         f"{turns.rate(f'{kind} 1'):.1f}/s by one, {turns.rate(f'{kind} 2'):.1f}/s by two, "
         f"{turns.over(f'{kind} 2', f'{kind} 1'):.2f} times, {turns.milliseconds(f'{kind} 1'):.1f} and "
-        f"{turns.milliseconds(f'{kind} 2'):.1f} ms of processor time an item"
+        f"{turns.milliseconds(f'{kind} 2'):.1f} ms of processor time an item, "
+        f"{turns.idle(f'{kind} 2'):.1%} of two processors idle"
         for kind in ("batch", "bare")
     ]
     return f"{told[0]}; bare processes {told[1]}; {turns.told}"
