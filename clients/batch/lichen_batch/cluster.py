@@ -122,8 +122,7 @@ def do(name: str, said: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     items = iter([Item.from_json(each) for each in said])
     with bench.hands.one() as hand:
         until = time.monotonic() + 2 * LASTING
-        more = lambda: next(items, None) if time.monotonic() < until else None  # noqa: E731
-        for item, outcome in hand.each(next(items), more):
+        for item, outcome in hand.each(next(items), lambda: next(items, None) if time.monotonic() < until else None):
             kept.append(Future())
             bench.keeper.keep(item, outcome, hand.token, kept[-1])
     return [each.result().to_json() for each in kept]

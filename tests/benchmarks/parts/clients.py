@@ -332,10 +332,14 @@ def batch() -> str:
 
 
 def loopback() -> str:
-    with serving.lichen("--threads", "2", workers=2, **ALONE) as server:
-        there = lambda folder: Batch(UrlEngine(server.url, 2, Limits()), folder)  # noqa: E731
-        with working(here=local(2), there=there) as (folder, doing):
-            turns = by_turns(folder, PHOTOS, ROUNDS_OF_BATCHES, doing)
+    with contextlib.ExitStack() as stack:
+        server = stack.enter_context(serving.lichen("--threads", "2", workers=2, **ALONE))
+
+        def there(folder: Path) -> Batch:
+            return Batch(UrlEngine(server.url, 2, Limits()), folder)
+
+        folder, doing = stack.enter_context(working(here=local(2), there=there))
+        turns = by_turns(folder, PHOTOS, ROUNDS_OF_BATCHES, doing)
     return (
         f"{turns.rate('there'):.1f}/s by two processes there, {turns.over('there', 'here'):.2f} of "
         f"{turns.rate('here'):.1f}/s by two here; {turns.milliseconds('there'):.1f} and "
@@ -347,7 +351,9 @@ def dask() -> str:
     """The same items by two bare processes, by two of a batch here, and by a cluster of two."""
     from lichen_batch.cluster import DaskEngine
 
-    there = lambda folder: Batch(DaskEngine("", 2, Limits()), folder)  # noqa: E731
+    def there(folder: Path) -> Batch:
+        return Batch(DaskEngine("", 2, Limits()), folder)
+
     with working(bare=bare(2), here=local(2), there=there) as (folder, doing):
         turns = by_turns(folder, 2 * PHOTOS, -(-ROUNDS_OF_BATCHES // 2), doing)
     more, most = (1 / turns.over("there", each) - 1 for each in ("bare", "here"))
