@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from threading import Barrier
+from threading import Barrier, Event
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ import pytest
 from lichen_batch import manifest, places
 from lichen_batch.item import Item, Outcome, Problem, failure
 from lichen_batch.journal import Journal, JournalError, remaining
+from lichen_batch.keeping import Keeper
 from lichen_batch.manifest import Defaults, InvalidManifest
 from lichen_batch.run import Rules, Stop, run
 from lichen_batch.settled import Unusable, settled
@@ -223,6 +224,41 @@ def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path: Path) ->
     places.sweep([str(tmp_path / "a[1].png")])
     assert not stale.exists()
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_an_outcome_is_told_when_its_output_is_in_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk, real = Event(), places.os.fsync
+    monkeypatch.setattr(places.os, "fsync", lambda descriptor: (disk.wait(30), real(descriptor)))
+    item = Item("a", "gaussian", None, {}, {"result": str(tmp_path / "a.png")}, {"result": "png"}, {}, "d")
+    keeper, promised = Keeper(1), Future[Outcome]()
+    try:
+        places.lay(item.outputs["result"], b"pixels", "t")
+        keeper.keep(item, fine(item), "t", promised)
+        assert not promised.done()
+        assert not (tmp_path / "a.png").exists()
+        disk.set()
+        assert promised.result(30) == fine(item)
+        assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a.png": b"pixels"}
+    finally:
+        disk.set()
+        keeper.end()
+
+
+def test_an_output_that_cannot_be_kept_is_a_failure_without_a_trace(tmp_path: Path) -> None:
+    item = Item("a", "gaussian", None, {}, {"result": str(tmp_path / "a.png")}, {"result": "png"}, {}, "d")
+    (tmp_path / "a.png").mkdir()
+    keeper = Keeper(1)
+    try:
+        for outcome, code in ((fine(item), "unwritable-output"), (broken(item), "too-large")):
+            places.lay(item.outputs["result"], b"pixels", "t")
+            promised = Future[Outcome]()
+            keeper.keep(item, outcome, "t", promised)
+            problem = promised.result(30).problem
+            assert problem is not None
+            assert problem.code == code
+            assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+    finally:
+        keeper.end()
 
 
 # --------------------------------------------------------------------------------------------------------- the journal

@@ -25,7 +25,9 @@ from lichen_client import (
     AsyncClient,
     BadRequest,
     Client,
+    Conflict,
     ConnectionFailed,
+    Forbidden,
     NotFound,
     RateLimited,
     Result,
@@ -34,6 +36,7 @@ from lichen_client import (
     StatusError,
     TimedOut,
     TooLarge,
+    Unauthorized,
     Unavailable,
     Unprocessable,
 )
@@ -305,7 +308,10 @@ def test_pickled_arrays_are_never_read(server: Any, answer: Any) -> None:
     ("status", "kind"),
     [
         (400, BadRequest),
+        (401, Unauthorized),
+        (403, Forbidden),
         (404, NotFound),
+        (409, Conflict),
         (405, StatusError),
         (413, TooLarge),
         (422, Unprocessable),

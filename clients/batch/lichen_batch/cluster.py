@@ -35,6 +35,7 @@ from distributed.scheduler import KilledWorker
 from lichen_batch.checking import VERSION
 from lichen_batch.hands import Hands, Limits
 from lichen_batch.item import Item, Outcome, Problem, failure
+from lichen_batch.keeping import Keeper
 from lichen_batch.places import absolute
 
 AHEAD = 2
@@ -70,11 +71,13 @@ class Workbench(WorkerPlugin):
         self._limits = limits
         self._version = version
         self.hands: Hands | None = None
+        self.keeper: Keeper | None = None
         self._over = threading.Event()
 
     def setup(self, worker: Any) -> None:
         self.check()
         self.hands = Hands(worker.state.nthreads, self._limits, given_by_dask())
+        self.keeper = Keeper(worker.state.nthreads)
         threading.Thread(target=self._rest, daemon=True).start()
 
     def check(self) -> None:
@@ -90,10 +93,12 @@ class Workbench(WorkerPlugin):
         self._over.set()
         if self.hands is not None:
             self.hands.end()
+        if self.keeper is not None:
+            self.keeper.end()
 
     def __getstate__(self) -> dict[str, Any]:
         """It travels before it is set up."""
-        return {"name": self.name, "_limits": self._limits, "_version": self._version, "hands": None}
+        return {"name": self.name, "_limits": self._limits, "_version": self._version, "hands": None, "keeper": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, _over=threading.Event())
@@ -112,11 +117,15 @@ def do(name: str, said: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     assert isinstance(bench, Workbench)
     bench.check()
     assert bench.hands is not None
+    assert bench.keeper is not None
+    kept: list[Future[Outcome]] = []
     items = iter([Item.from_json(each) for each in said])
     with bench.hands.one() as hand:
         until = time.monotonic() + 2 * LASTING
-        done = hand.each(next(items), lambda: next(items, None) if time.monotonic() < until else None)
-        return [outcome.to_json() for _, outcome in done]
+        for item, outcome in hand.each(next(items), lambda: next(items, None) if time.monotonic() < until else None):
+            kept.append(Future())
+            bench.keeper.keep(item, outcome, hand.token, kept[-1])
+    return [each.result().to_json() for each in kept]
 
 
 def _seen_from_elsewhere(item: Item) -> Item:

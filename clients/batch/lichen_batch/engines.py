@@ -7,10 +7,12 @@ are the same, so are the bytes.
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from secrets import token_hex
 from typing import Protocol
 
 from lichen_batch.hands import Limits, LocalEngine
 from lichen_batch.item import Item, Outcome
+from lichen_batch.keeping import Keeper
 from lichen_batch.work import perform
 
 
@@ -36,18 +38,32 @@ class UrlEngine:
     def __init__(self, url: str, count: int, limits: Limits) -> None:
         from lichen_client import Client
 
-        self.capacity = 2 * count
+        self.capacity = 3 * count  # one being kept, one at work, and one for when that is begun
         self.name = f"{url}, {count} at a time"
         seconds = 3600.0 if limits.seconds is None else limits.seconds
         self._client = Client(url, timeout=seconds, connections=count)
         self._pool = ThreadPoolExecutor(count, thread_name_prefix="request")
+        self._keeper, self._token = Keeper(count), token_hex(8)
 
     def submit(self, item: Item) -> Future[Outcome]:
-        return self._pool.submit(perform, self._client, item)
+        promised: Future[Outcome] = Future()
+        self._pool.submit(self._do, item, promised)
+        return promised
+
+    def _do(self, item: Item, promised: Future[Outcome]) -> None:
+        if not promised.set_running_or_notify_cancel():
+            return
+        try:
+            outcome = perform(self._client, item, self._token)
+        except BaseException as wrong:  # somebody waits for an answer
+            promised.set_exception(wrong)
+        else:
+            self._keeper.keep(item, outcome, self._token, promised)
 
     def end(self) -> None:
         self._pool.shutdown(wait=False, cancel_futures=True)
         self._client.close()
+        self._keeper.end()
 
 
 def choose(engine: str, url: str | None, workers: int, limits: Limits) -> Engine:

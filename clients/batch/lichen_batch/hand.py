@@ -38,7 +38,7 @@ def main() -> int:
         _say(said, b'{"ready":true}')
         while True:
             item = Item.from_json(json.loads(lines.get()))
-            _say(said, perform(client, item).to_line())
+            _say(said, perform(client, item, options["token"]).to_line())
 
 
 def _warm_up(client: Any) -> None:

@@ -3,7 +3,8 @@
 A codec or a kernel that hangs cannot be stopped from within its process, and one that takes all memory takes its
 neighbours along. So items are done by processes that are watched from here: one that takes too long or holds too
 much is killed, its item has failed, and another process takes its place. Whatever else ends a process (a signal, the
-system's own killer) costs the item that it was doing, which is worth another try.
+system's own killer) costs the item that it was doing, which is worth another try. Outcomes are those of outputs that
+are laid, not yet kept (see `keeping`).
 """
 
 from __future__ import annotations
@@ -23,10 +24,12 @@ from collections.abc import Callable, Iterator, Set
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
+from secrets import token_hex
 
 from lichen.accuracy.times import Known
 from lichen.processors import LIMIT
 from lichen_batch.item import Item, Outcome, Problem, failure
+from lichen_batch.keeping import Keeper
 
 STARTING = 300.0
 """Seconds a process has to be ready: on a machine that never ran one, kernels are compiled meanwhile."""
@@ -68,6 +71,8 @@ class Hand:
         self._given = 0
         """items it was handed and has not answered"""
         self._closed = False
+        self.token = token_hex(8)
+        """under which it lays outputs"""
         self._lock = threading.RLock()
         self.used = time.monotonic()
         """when it was last at work"""
@@ -144,7 +149,7 @@ class Hand:
             os.close(handle)
         self._said.clear()
         assert self._process.stdin is not None
-        told = {"memory": self._limits.memory, "times": self._limits.times}
+        told = {"memory": self._limits.memory, "times": self._limits.times, "token": self.token}
         self._process.stdin.write(json.dumps(told).encode() + b"\n")
         self._process.stdin.flush()
 
@@ -280,10 +285,11 @@ class LocalEngine:
     """Items done by processes of this machine."""
 
     def __init__(self, count: int, limits: Limits) -> None:
-        self.capacity = 3 * count  # one at work, one behind it, and one for when that is begun
+        self.capacity = 4 * count  # one being kept, one at work, one behind it, and one for when that is begun
         self.name = f"{count} process{'es' if count > 1 else ''} here"
         self._hands = Hands(count, limits)
         self._hands.start()
+        self._keeper = Keeper(count)
         self._todo: queue.SimpleQueue[tuple[Item, Future[Outcome]] | None] = queue.SimpleQueue()
         self._threads = [threading.Thread(target=self._work, name=f"hand-{at}", daemon=True) for at in range(count)]
         for each in self._threads:
@@ -314,8 +320,8 @@ class LocalEngine:
         with self._hands.one() as hand:
             while (item := taken(wait=True)) is not None:
                 try:
-                    for _, outcome in hand.each(item, taken):
-                        begun.popleft().set_result(outcome)
+                    for done, outcome in hand.each(item, taken):
+                        self._keeper.keep(done, outcome, hand.token, begun.popleft())
                 except Exception as wrong:  # somebody waits for an answer
                     hand.end()
                     while begun:
@@ -330,4 +336,5 @@ class LocalEngine:
         self._hands.close()
         for thread in self._threads:
             thread.join()
+        self._keeper.end()
         self._hands.end()

@@ -14,6 +14,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+Bytes = bytes | bytearray | memoryview
+
 PART = ".lichen-part-"
 """What the names of files hold that are still being written, or were when the process was killed."""
 OBJECTS = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oci", "r2", "memory"})
@@ -78,20 +80,33 @@ def matching(pattern: str) -> list[str]:
 
 def write(place: str, data: bytes) -> None:
     """Replaces what is there. Raises as `read`; leaves nothing half written under the name."""
+    token = secrets.token_hex(8)
+    try:
+        lay(place, data, token)
+        keep([place], token)
+    except BaseException:
+        drop([place], token)
+        raise
+
+
+def lay(place: str, data: Bytes, token: str) -> None:
+    """Writes a local file beside its place, where `keep` with the same token finds it; elsewhere all that `write`
+    does. Raises as `read`."""
     path = local(place)
     if path is not None:
-        _write_file(path, data)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _part(path, token).write_bytes(data)
         return
     import fsspec
 
     system, inner = fsspec.core.url_to_fs(place)
     names = {system.protocol} if isinstance(system.protocol, str) else set(system.protocol)
     if names & OBJECTS:
-        system.pipe_file(inner, data)
+        system.pipe_file(inner, bytes(data))
         return
-    part = f"{inner}{PART}{secrets.token_hex(8)}"
+    part = f"{inner}{PART}{token}"
     try:
-        system.pipe_file(part, data)
+        system.pipe_file(part, bytes(data))
         system.mv(part, inner)
     except BaseException:
         if system.exists(part):
@@ -99,25 +114,35 @@ def write(place: str, data: bytes) -> None:
         raise
 
 
-def _write_file(path: Path, data: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}{PART}{secrets.token_hex(8)}")
-    descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-    try:
-        with open(descriptor, "wb", buffering=0) as file:
-            view = memoryview(data)
-            while len(view):
-                view = view[file.write(view) :]
-            os.fsync(file.fileno())
+def keep(places: Iterable[str], token: str) -> None:
+    """Forces files that were laid to the disk and puts them in their places. Raises OSError."""
+    paths = [path for place in places if (path := local(place)) is not None]
+    for path in paths:
+        part = _part(path, token)
+        _force(part)
         part.replace(path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
-    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    for folder in {path.parent for path in paths}:
+        _force(folder)
+
+
+def drop(places: Iterable[str], token: str) -> None:
+    """Removes files that were laid and shall not be kept."""
+    for place in places:
+        if (path := local(place)) is not None:
+            _part(path, token).unlink(missing_ok=True)
+
+
+def _part(path: Path, token: str) -> Path:
+    return path.with_name(f".{path.name}{PART}{token}")
+
+
+def _force(path: Path) -> None:
+    """Waits until a file, or the names in a folder, are on the disk."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        os.fsync(folder)
+        os.fsync(descriptor)
     finally:
-        os.close(folder)
+        os.close(descriptor)
 
 
 def sweep(places: Iterable[str]) -> None:

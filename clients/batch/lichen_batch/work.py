@@ -1,7 +1,7 @@
 """One item done: its inputs read, a service asked, or the same service inside this process, and its outputs written.
 
-Whatever goes wrong becomes an outcome that says what, and whether another try may help. An output is in its place,
-whole and on the disk, before the outcome is told.
+Whatever goes wrong becomes an outcome that says what, and whether another try may help. Outputs are laid beside their
+places, and who is told the outcome keeps them (see `keeping`).
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class Failed(Exception):
         self.problem = problem
 
 
-def perform(client: Client, item: Item) -> Outcome:
-    """What came of one try. Raises nothing that a try can bring about."""
+def perform(client: Client, item: Item, token: str) -> Outcome:
+    """What came of one try, whose outputs were laid under `token`. Raises nothing that a try can bring about."""
     seconds: dict[str, float] = {}
     try:
         with _timed(seconds, "read"):
@@ -38,7 +38,7 @@ def perform(client: Client, item: Item) -> Outcome:
         with _timed(seconds, "ask"):
             made, findings = _ask(client, item, data)
         with _timed(seconds, "write"):
-            outputs = {name: _write(place, made[name]) for name, place in item.outputs.items()}
+            outputs = {name: _lay(place, made[name], token) for name, place in item.outputs.items()}
     except Failed as failed:
         return failure(item, failed.problem, seconds, _peak())
     except MemoryError:
@@ -82,12 +82,12 @@ def _read(place: str) -> bytes:
         raise Failed(Problem("unreadable-input", f"{place}: {_said(wrong)}", retryable=True)) from wrong
 
 
-def _write(place: str, result: Result) -> dict[str, Any]:
+def _lay(place: str, result: Result, token: str) -> dict[str, Any]:
     body = memoryview(result.body)
     try:
-        places.write(place, bytes(body))
+        places.lay(place, body, token)
     except Exception as wrong:  # as above
-        raise Failed(Problem("unwritable-output", f"{place}: {_said(wrong)}", retryable=True)) from wrong
+        raise Failed(unwritable(place, wrong)) from wrong
     return {
         "place": place,
         "bytes": len(body),
@@ -120,6 +120,10 @@ def _ask(client: Client, item: Item, data: Mapping[str, bytes]) -> tuple[Mapping
         raise Failed(Problem(refused.code or str(refused.status), detail, errors, refused.retryable)) from refused
     except ConnectionFailed as failed:
         raise Failed(Problem("no-answer", str(failed), retryable=True)) from failed
+
+
+def unwritable(place: str, wrong: Exception) -> Problem:
+    return Problem("unwritable-output", f"{place}: {_said(wrong)}", retryable=True)
 
 
 def _said(wrong: Exception) -> str:

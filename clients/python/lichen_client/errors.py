@@ -5,7 +5,10 @@
     │   └── TimedOut            ... within the time allowed
     └── StatusError             an answer came, and it says no
         ├── BadRequest          400
+        ├── Unauthorized        401
+        ├── Forbidden           403
         ├── NotFound            404
+        ├── Conflict            409
         ├── TooLarge            413
         ├── Unprocessable       422
         ├── RateLimited         429
@@ -88,8 +91,26 @@ class BadRequest(StatusError):
     statuses = range(400, 401)
 
 
+class Unauthorized(StatusError):
+    """No key was sent, or one that nobody has."""
+
+    statuses = range(401, 402)
+
+
+class Forbidden(StatusError):
+    """The key does not allow it."""
+
+    statuses = range(403, 404)
+
+
 class NotFound(StatusError):
     statuses = range(404, 405)
+
+
+class Conflict(StatusError):
+    """What was asked for does not fit what is there, such as an idempotency key that went with another request."""
+
+    statuses = range(409, 410)
 
 
 class TooLarge(StatusError):
@@ -114,7 +135,10 @@ class Unavailable(ServerError):
 
 _MOST_PRECISE_FIRST = (
     BadRequest,
+    Unauthorized,
+    Forbidden,
     NotFound,
+    Conflict,
     TooLarge,
     Unprocessable,
     RateLimited,

@@ -19,6 +19,7 @@ from http import HTTPStatus
 
 from lichen_service.http.access_log import AccessLog
 from lichen_service.http.connection import Connection
+from lichen_service.http.crowd import Crowd
 from lichen_service.http.exchange import Exchange
 from lichen_service.http.limits import Bounds, WireSettings
 from lichen_service.http.message import Admission, Application, Head, Request, Response
@@ -42,6 +43,8 @@ LOOKED_FOR = 1 / 4
 until then"""
 _ACCEPTS_AT_ONCE = 8
 """few, so that workers that share a listener share its connections"""
+COURTESY = 0.002
+"""seconds that a worker which holds more connections than another leaves new ones to that one"""
 _ACCEPTS_AFTER_A_REST = 64
 
 
@@ -77,8 +80,9 @@ class Loop:
         bounds: Bounds | None = None,
         log: AccessLog | None = None,
         apart: bool = False,
+        crowd: Crowd | None = None,
     ) -> None:
-        """`apart`: whether it is the address of figures that is listened at."""
+        """`apart`: whether it is the address of figures that is listened at; `crowd`: of the workers at the address."""
         self.settings = settings
         self.bounds = bounds or Bounds()
         self.log = log or AccessLog(tell=getattr(application, "answered", None))
@@ -101,10 +105,13 @@ class Loop:
         self._listener = listener
         self._listener.setblocking(False)
         self._listening = self.reactor.deadline(self._listen)
+        self._crowd = crowd
+        self._left_over = self.reactor.deadline(self._accept_left_over)
         self._grace = self.reactor.deadline(self.reactor.stop)
 
     def run(self) -> bool:
         """Serve until `stop`; true when every request in flight was answered within the grace."""
+        self._tell_crowd()
         self._listen()
         self.reactor.run()
         drained = not self._connections
@@ -170,6 +177,7 @@ class Loop:
 
     def closed(self, connection: Connection | Streaming) -> None:
         self._connections.discard(connection)
+        self._tell_crowd()
         if self.draining and not self._connections:
             self.reactor.stop()
         elif len(self._connections) == self.bounds.connections - 1:
@@ -272,8 +280,22 @@ class Loop:
 
     def _accept(self, _mask: int) -> None:
         for _ in range(_ACCEPTS_AFTER_A_REST if self._rest() else _ACCEPTS_AT_ONCE):
+            if self._crowd is not None and self._crowd.ahead():
+                self.reactor.watch(self._listener, 0, self._accept)
+                self._left_over.set(time.monotonic() + COURTESY)
+                return
             if not self._accept_one():
                 return
+
+    def _accept_left_over(self) -> None:
+        """What others were let to have first and have not taken."""
+        if not self.draining:
+            self._listen()
+            self._accept_one()
+
+    def _tell_crowd(self) -> None:
+        if self._crowd is not None:
+            self._crowd.leave() if self.draining else self._crowd.tell(len(self._connections))
 
     def _accept_one(self) -> bool:
         if len(self._connections) >= self.bounds.connections:
@@ -291,6 +313,7 @@ class Loop:
         with contextlib.suppress(OSError):
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._connections.add(Connection(self, sock, str(address[0]) if address else ""))
+        self._tell_crowd()
         return True
 
     def _drain(self) -> None:
@@ -299,6 +322,7 @@ class Loop:
         while self._accept_one():  # connections that the system has accepted for us are ours to answer
             pass
         self.draining = True
+        self._tell_crowd()
         self.reactor.watch(self._listener, 0, self._accept)
         self._listener.close()
         self._grace.set(time.monotonic() + self.settings.grace)

@@ -34,6 +34,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lichen_service.http.address import UNIX, address_of, bind, url_of
+from lichen_service.http.crowd import Crowd, shared
 from lichen_service.http.limits import WireSettings
 
 FIRST_PAUSE = 0.1
@@ -94,6 +95,7 @@ def resident(pid: int) -> int:
 class _Worker:
     process: subprocess.Popen[bytes]
     ready_fd: int
+    crowd: Crowd
     spare: bool = False
     ready: bool = False
     silent: int = 0
@@ -127,6 +129,7 @@ class Supervisor:
         """when the grace is over, once the end has begun"""
         self._killed = False
         self._lifeline, self._held_end = os.pipe()
+        self._crowd = shared(2 * settings.workers + 1)  # each may be renewed, and there is a spare one
         self._selector = selectors.DefaultSelector()
 
     def run(self) -> int:
@@ -149,7 +152,7 @@ class Supervisor:
                     print("Lichen cannot start: no worker became ready; the reason is above.", file=sys.stderr)
                     self._killed = True
                     self._end()
-        for descriptor in (self._lifeline, self._held_end):
+        for descriptor in (self._lifeline, self._held_end, self._crowd):
             os.close(descriptor)
         self._selector.close()
         return 1 if self._killed else 0
@@ -221,11 +224,14 @@ class Supervisor:
         """A worker that is told to serve next, or else loads its libraries and waits."""
         ready_fd, other_end = os.pipe()
         os.set_blocking(ready_fd, False)
-        descriptors = (other_end, self._lifeline, *(listener.fileno() for listener in self._listeners))
+        taken = {each.crowd.place for each in self._workers.values()}
+        crowd = Crowd.at(self._crowd, min({*range(len(self._workers) + 1)} - taken))
+        before = (other_end, self._lifeline, self._crowd)
+        listeners = [listener.fileno() for listener in self._listeners]
         process = subprocess.Popen(
-            [sys.executable, "-m", "lichen_service.http.worker", *map(str, descriptors)],
+            [sys.executable, "-m", "lichen_service.http.worker", *map(str, (*before, crowd.place, *listeners))],
             stdin=subprocess.PIPE,
-            pass_fds=descriptors,
+            pass_fds=(*before, *listeners),
             env={**os.environ, **{name: os.environ.get(name, value) for name, value in _ENVIRONMENT.items()}},
             process_group=0,  # an interrupt from the keyboard is the supervisor's to pass on
         )
@@ -234,7 +240,7 @@ class Supervisor:
         with contextlib.suppress(BrokenPipeError):
             process.stdin.write(pickle.dumps((self._maker, spare)))
             process.stdin.flush()
-        worker = self._workers[process.pid] = _Worker(process, ready_fd, spare)
+        worker = self._workers[process.pid] = _Worker(process, ready_fd, crowd, spare)
         self._selector.register(ready_fd, selectors.EVENT_READ, worker)
         return worker
 
@@ -312,6 +318,7 @@ class Supervisor:
                     self._lost(worker)
 
     def _lost(self, worker: _Worker) -> None:
+        worker.crowd.leave()
         if worker.ready_fd >= 0:
             with contextlib.suppress(BlockingIOError):
                 self._hear(worker)  # what it said last

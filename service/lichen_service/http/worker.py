@@ -1,12 +1,13 @@
 """A worker process: makes the application, then serves it on the listeners it has inherited.
 
-    python -m lichen_service.http.worker READY LIFELINE LISTENER [FIGURES]      (file descriptors; see server.py)
+    python -m lichen_service.http.worker READY LIFELINE CROWD PLACE LISTENER [FIGURES]      (see server.py)
 
-Standard input brings, pickled, the name of the application's maker and whether this worker is a spare one, which loads
-its libraries then; and the settings, at which serving begins: of a spare worker that may be much later, or never. READY
-gets a byte once requests can be answered, and one at each beat as long as the loop goes round, which also says whether
-this worker has answered as many requests as it shall. LIFELINE is readable only when the supervisor has died; the
-worker then ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to standard error.
+All but PLACE, which is that of this worker in the crowd, are file descriptors. Standard input brings, pickled, the name
+of the application's maker and whether this worker is a spare one, which loads its libraries then; and the settings, at
+which serving begins: of a spare worker that may be much later, or never. READY gets a byte once requests can be
+answered, and one at each beat as long as the loop goes round, which also says whether this worker has answered as many
+requests as it shall. LIFELINE is readable only when the supervisor has died; the worker then ends too. SIGTERM drains,
+SIGUSR1 prints the stacks of all threads to standard error.
 
 Who asks for figures, at FIGURES, is served by a loop and a thread of their own: figures can be had when every place is
 taken, and until the very end.
@@ -35,6 +36,7 @@ import time
 from dataclasses import replace
 from typing import Any, NoReturn, cast
 
+from lichen_service.http.crowd import Crowd
 from lichen_service.http.limits import Bounds, WireSettings
 from lichen_service.http.loop import Loop
 from lichen_service.http.message import Application
@@ -52,7 +54,9 @@ QUEUE_OF_FIGURES, CONNECTIONS_OF_FIGURES = 16, 64
 """at the address of figures"""
 
 
-def run(ready_fd: int, lifeline_fd: int, listener_fd: int, figures_fd: int | None = None) -> NoReturn:
+def run(
+    ready_fd: int, lifeline_fd: int, crowd_fd: int, place: int, listener_fd: int, figures_fd: int | None = None
+) -> NoReturn:
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR1, all_threads=True)
     sys.setswitchinterval(SWITCH_INTERVAL)
@@ -65,7 +69,7 @@ def run(ready_fd: int, lifeline_fd: int, listener_fd: int, figures_fd: int | Non
         os._exit(0)
     application = make(maker)
     with socket.socket(fileno=listener_fd) as listener:
-        loop = Loop(listener, application, settings)
+        loop = Loop(listener, application, settings, crowd=Crowd.at(crowd_fd, place))
         loop.reactor.wake_on_signals()
         signal.signal(signal.SIGTERM, lambda *_: loop.stop())
         loop.reactor.watch(lifeline_fd, READ, lambda _mask: _orphaned(loop, lifeline_fd))

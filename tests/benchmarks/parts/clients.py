@@ -1,11 +1,12 @@
 """What the ways in cost: the Python client over a raw socket, batches by their engines, tiles by their memory.
 
 The client and the socket ask one service for the same, by turns, and their medians are compared. Batches are of photos
-that are blurred: one process, two, a service on loopback, and a cluster. Kernels and codecs of every process that does
-items run on one thread, in the runs that are compared with one another: on a machine of two processors one process
-would otherwise use both of them. Beside them, by turns, bare processes do the same items in a loop, with no batch
-around it: where two of them are not twice as fast as one, no batch can be. All are warm, and a round's figures are
-compared with one another, since the machine's speed changes from round to round; medians of rounds are told.
+of 1440 x 960 that are blurred: by one process on one processor, by two on two, by a service on loopback, and by a
+cluster. Kernels and codecs of every process that does items run on one thread. Beside them bare processes do the same
+items in a loop, with no batch around it: where two of them are not twice as fast as one, no batch can be. All are warm
+and take turns, in one order and then in the other; a round's figures are compared with one another, since the machine's
+speed changes from round to round, and medians of rounds are told. Rounds in which other work took more than a twentieth
+of the processors are left out, where enough others are left.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,7 +32,7 @@ from sections import Section, table
 
 from lichen.files import encode
 from lichen.image import Image, Space, Storage
-from lichen_batch.engines import Engine
+from lichen_batch.engines import Engine, UrlEngine
 from lichen_batch.hands import Limits, LocalEngine
 from lichen_batch.item import Item
 from lichen_batch.journal import Journal
@@ -40,11 +41,13 @@ from lichen_batch.summary import Account
 from lichen_client import Client
 
 TITLE = "Clients and batches"
-PHOTOS = int(os.environ.get("LICHEN_PHOTOS", "16" if quick() else "120"))
+PHOTOS = int(os.environ.get("LICHEN_PHOTOS", "16" if quick() else "50"))
 ROUNDS = 10 if quick() else 200
 SIDE = int(os.environ.get("LICHEN_SIDE", "1024" if quick() else "8192"))
 """Of the array that is done in tiles."""
 ROUNDS_OF_BATCHES = int(os.environ.get("LICHEN_ROUNDS", "1" if quick() else "9"))
+OTHERS = 0.05
+"""of the processors, which what is not ours may take in a round"""
 ALONE = dict.fromkeys(("LICHEN_PROCESSORS", "OPENCV_FOR_THREADS_NUM"), "1")
 """Lets kernels and codecs of a process run on one thread."""
 
@@ -100,33 +103,13 @@ def _ask(raw: socket.socket, request: bytes, room: bytearray) -> memoryview:
     return view[:at]
 
 
-def photos(folder: Path, count: int, height: int = 320, width: int = 480) -> None:
+def photos(folder: Path) -> None:
+    """Eight of them."""
     chance = np.random.default_rng(2)
     for at in range(8):
-        rough = chance.random((height // 16, width // 16, 3), np.float32)
+        rough = chance.random((60, 90, 3), np.float32)
         pixels = np.kron(rough, np.ones((16, 16, 1), np.float32))
-        data = bytes(encode(Image(pixels, Space.SRGB, storage=Storage.UINT8), "jpeg").data)
-        for number in range(at, count, 8):
-            (folder / f"{number}.jpg").write_bytes(data)
-
-
-def batch_of(folder: Path, *further: str) -> float:
-    """Items a second, without what starting costs: of the first tenth nothing is counted."""
-    out = folder / f"out-{time.monotonic_ns()}"
-    soft = ["--operation", "gaussian", "--set", "sigma=4", "--output", "{stem}.jpg", "--out", str(out)]
-    command = [sys.executable, "-m", "lichen_cli", "batch", "run", f"{folder}/*.jpg", *soft, *further]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    results, count = out / "results.jsonl", len(list(folder.glob("*.jpg")))
-    first = last = 0.0
-    while process.poll() is None:
-        done = results.read_bytes().count(b"\n") if results.exists() else 0
-        if done >= count // 10 and not first:
-            first, begun = time.monotonic(), done
-        if done >= count and not last:
-            last = time.monotonic()
-        time.sleep(0.01)
-    assert process.returncode == 0
-    return (count - begun) / ((last or time.monotonic()) - first)
+        (folder / f"{at}.jpg").write_bytes(encode(Image(pixels, Space.SRGB, storage=Storage.UINT8), "jpeg").data)
 
 
 class Bare:
@@ -136,6 +119,7 @@ class Bare:
         self._next, self._given = os.pipe()  # numbers of items, each read by whichever process comes first
         code = f"""
 import json, os, sys
+from lichen_batch import places
 from lichen_batch.item import Item
 from lichen_batch.work import perform
 from lichen_client import Client
@@ -143,7 +127,9 @@ with Client(local=True) as client:
     for line in sys.stdin:
         items, outcomes = json.loads(line), []
         while number := int(os.read({self._next}, 8)):
-            outcomes.append(perform(client, Item.from_json(items[number - 1])))
+            item = Item.from_json(items[number - 1])
+            outcomes.append(perform(client, item, str(os.getpid())))
+            places.keep(item.outputs.values(), str(os.getpid()))
         assert all(each.ok for each in outcomes)
         print(sum(each.whole for each in outcomes), flush=True)
 """
@@ -192,113 +178,189 @@ class Batch:
         self._engine.end()
 
 
+@dataclass(frozen=True)
+class Turn:
+    rate: float
+    """items a second"""
+    processor: float
+    """seconds of processor time an item, of all our processes"""
+    whole: float
+    """seconds that the stages of an item took"""
+    others: float
+    """share of the processors that was not ours"""
+    idle: float
+    """share of the processors that nobody used"""
+
+
 @dataclass
 class Turns:
-    """What was found round by round, by the names of those who did the items."""
+    """What was found, by the names of those who did the items: a turn of each in every round."""
 
-    rates: dict[str, list[float]] = field(default_factory=dict)
-    """items a second"""
-    processor: dict[str, list[float]] = field(default_factory=dict)
-    """seconds of processor time an item, of all processes"""
-    seconds: list[float] = field(default_factory=list)
-    """that an item took"""
+    rounds: list[dict[str, Turn]] = field(default_factory=list)
+
+    @property
+    def calm(self) -> list[dict[str, Turn]]:
+        """Those rounds in which there was little else to do; all where they are too few."""
+        calm = [each for each in self.rounds if max(turn.others for turn in each.values()) < OTHERS]
+        return calm if len(calm) >= min(3, len(self.rounds)) else self.rounds
 
     def over(self, one: str, other: str) -> float:
-        """How many times as fast the one is as the other: the median of rounds."""
-        return statistics.median(a / b for a, b in zip(self.rates[one], self.rates[other], strict=True))
+        """How many times as fast the one is as the other."""
+        return statistics.median(each[one].rate / each[other].rate for each in self.calm)
+
+    def rate(self, name: str) -> float:
+        return statistics.median(each[name].rate for each in self.calm)
 
     def milliseconds(self, name: str) -> float:
         """Of processor time an item."""
-        return statistics.median(self.processor[name]) * 1e3
+        return statistics.median(each[name].processor for each in self.calm) * 1e3
+
+    def idle(self, name: str) -> float:
+        """Share of the processors that nobody used."""
+        return statistics.median(each[name].idle for each in self.calm)
+
+    @property
+    def whole(self) -> float:
+        """Milliseconds of an item."""
+        return statistics.median(turn.whole for each in self.calm for turn in each.values()) * 1e3
+
+    @property
+    def told(self) -> str:
+        return f"{len(self.calm)} of {len(self.rounds)} rounds"
 
 
-def by_turns(folder: Path, count: int, rounds: int, doing: dict[str, Bare | Batch]) -> Turns:
+def by_turns(folder: Path, count: int, rounds: int, doing: Mapping[str, Bare | Batch]) -> Turns:
+    """Those whose names end in 1 have one processor, a different one in each round."""
     turns = Turns()
     for number in range(1 + rounds):  # the first warms up
         items = [_item(folder, at, number) for at in range(count if number else 16)]
-        for name, each in doing.items():
-            used, began = _processor_seconds(), time.monotonic()
-            taken = each.do(items)
-            elapsed, used = time.monotonic() - began, _processor_seconds() - used
-            if number:
-                turns.rates.setdefault(name, []).append(len(items) / elapsed)
-                turns.processor.setdefault(name, []).append(used / len(items))
-                turns.seconds.append(taken / len(items))
+        turn: dict[str, Turn] = {}
+        for name in sorted(doing, reverse=bool(number % 2)):
+            with _on(number if name.endswith(" 1") else None):
+                busy, used, began = _busy(), _processor_seconds(), time.monotonic()
+                taken = doing[name].do(items)
+                elapsed, used, busy = time.monotonic() - began, _processor_seconds() - used, _busy() - busy
+            whole = elapsed * (os.cpu_count() or 1)
+            shares = (busy - used) / whole, max(0.0, 1 - busy / whole)
+            turn[name] = Turn(count / elapsed, used / count, taken / count, *shares)
+        turns.rounds += [turn] if number else []
     return turns
+
+
+@contextlib.contextmanager
+def _on(number: int | None) -> Iterator[None]:
+    """Leaves all our processes one processor, or all of them."""
+    every = os.sched_getaffinity(0)
+    chosen = every if number is None else {sorted(every)[number % len(every)]}
+
+    def leave(processors: set[int]) -> None:
+        for process in _family():
+            for thread in Path(f"/proc/{process}/task").glob("*"):
+                with contextlib.suppress(OSError):
+                    os.sched_setaffinity(int(thread.name), processors)
+
+    leave(chosen)
+    try:
+        yield
+    finally:
+        leave(every)
+
+
+def _busy() -> float:
+    """Seconds that all processors have worked for whomever, or were taken away."""
+    user, nice, system, _, _, *further = map(int, Path("/proc/stat").read_text().split("\n")[0].split()[1:9])
+    return (user + nice + system + sum(further)) / os.sysconf("SC_CLK_TCK")
+
+
+def _family() -> dict[int, int]:
+    """This process and all that came of it, with what they have used, in ticks."""
+    parents: dict[int, list[int]] = {}
+    used: dict[int, int] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            said = stat.read_text().rpartition(")")[2].split()
+            parents.setdefault(int(said[1]), []).append(int(stat.parent.name))
+            used[int(stat.parent.name)] = int(said[11]) + int(said[12])
+    found = [os.getpid()]
+    for each in found:
+        found += parents.get(each, [])
+    return {each: used.get(each, 0) for each in found}
 
 
 def _processor_seconds() -> float:
     """What this process and all that came of it have used."""
-    children: dict[int, list[tuple[int, int]]] = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):
-            said = stat.read_text().rpartition(")")[2].split()
-            children.setdefault(int(said[1]), []).append((int(stat.parent.name), int(said[11]) + int(said[12])))
-
-    def below(process: int) -> int:
-        return sum(ticks + below(child) for child, ticks in children.get(process, []))
-
-    return time.process_time() + below(os.getpid()) / os.sysconf("SC_CLK_TCK")
+    return sum(_family().values()) / os.sysconf("SC_CLK_TCK")
 
 
 def _item(folder: Path, at: int, number: int) -> Item:
     places = {"image": str(folder / f"{at % 8}.jpg")}, {"result": str(folder / f"made-{at}.jpg")}
-    values = {"sigma": 5 + at / 1000 + number / 10}
-    return Item(f"{number}-{at}", "gaussian", None, *places, {"result": "jpeg"}, values, f"{number}-{at}")
+    return Item(f"{number}-{at}", "gaussian", None, *places, {"result": "jpeg"}, {"sigma": 5}, f"{number}-{at}")
+
+
+@contextlib.contextmanager
+def working(**makers: Callable[[Path], Bare | Batch]) -> Iterator[tuple[Path, dict[str, Bare | Batch]]]:
+    """Those who do items, by names with a space in place of _, and a folder with photos."""
+    with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
+        folder = Path(name)
+        photos(folder)
+        doing = {}
+        for each, make in makers.items():
+            doing[each.replace("_", " ")] = made = make(folder)
+            stack.callback(made.end)
+        yield folder, doing
+
+
+def local(count: int) -> Callable[[Path], Batch]:
+    return lambda folder: Batch(LocalEngine(count, Limits()), folder)
+
+
+def bare(count: int) -> Callable[[Path], Bare]:
+    return lambda _: Bare(count)
 
 
 def batch() -> str:
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        photos(folder, 8)
-        doing: dict[str, Bare | Batch] = {}
-        for count in (1, 2):
-            doing[f"bare {count}"] = Bare(count)
-            doing[f"batch {count}"] = Batch(LocalEngine(count, Limits()), folder)
-        try:
-            turns = by_turns(folder, PHOTOS, ROUNDS_OF_BATCHES, doing)
-        finally:
-            for each in doing.values():
-                each.end()
-    middle = {each: statistics.median(found) for each, found in turns.rates.items()}
+    with working(bare_1=bare(1), bare_2=bare(2), batch_1=local(1), batch_2=local(2)) as (folder, doing):
+        turns = by_turns(folder, PHOTOS, ROUNDS_OF_BATCHES, doing)
     told = [
-        f"{middle[f'{kind} 1']:.1f}/s by one, {middle[f'{kind} 2']:.1f}/s by two, "
-        f"{turns.over(f'{kind} 2', f'{kind} 1'):.2f} times, "
-        f"{turns.milliseconds(f'{kind} 2'):.1f} ms of processor time an item"
+        f"{turns.rate(f'{kind} 1'):.1f}/s by one, {turns.rate(f'{kind} 2'):.1f}/s by two, "
+        f"{turns.over(f'{kind} 2', f'{kind} 1'):.2f} times, {turns.milliseconds(f'{kind} 1'):.1f} and "
+        f"{turns.milliseconds(f'{kind} 2'):.1f} ms of processor time an item, "
+        f"{turns.idle(f'{kind} 2'):.1%} of two processors idle"
         for kind in ("batch", "bare")
     ]
-    return f"{told[0]}; bare processes {told[1]}"
+    return f"{told[0]}; bare processes {told[1]}; {turns.told}"
 
 
 def loopback() -> str:
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        photos(folder, PHOTOS)
-        with serving.lichen("--threads", "2", workers=2, **ALONE) as server:
-            there = batch_of(folder, "--url", server.url, "--workers", "2")
-        here = batch_of(folder, "--workers", "2", "--threads", "1")
-        return f"{there:.1f}/s by two processes there, {there / here:.2f} of {here:.1f}/s by two here"
+    with contextlib.ExitStack() as stack:
+        server = stack.enter_context(serving.lichen("--threads", "2", workers=2, **ALONE))
+
+        def there(folder: Path) -> Batch:
+            return Batch(UrlEngine(server.url, 2, Limits()), folder)
+
+        folder, doing = stack.enter_context(working(here=local(2), there=there))
+        turns = by_turns(folder, PHOTOS, ROUNDS_OF_BATCHES, doing)
+    return (
+        f"{turns.rate('there'):.1f}/s by two processes there, {turns.over('there', 'here'):.2f} of "
+        f"{turns.rate('here'):.1f}/s by two here; {turns.milliseconds('there'):.1f} and "
+        f"{turns.milliseconds('here'):.1f} ms of processor time an item; {turns.told}"
+    )
 
 
 def dask() -> str:
     """The same items by two bare processes, by two of a batch here, and by a cluster of two."""
     from lichen_batch.cluster import DaskEngine
 
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        photos(folder, 8, 560, 760)
-        doing: dict[str, Bare | Batch] = {"bare": Bare(2), "here": Batch(LocalEngine(2, Limits()), folder)}
-        try:
-            doing["there"] = Batch(DaskEngine("", 2, Limits()), folder)
-            turns = by_turns(folder, 2 * PHOTOS, -(-ROUNDS_OF_BATCHES // 2), doing)
-        finally:
-            for each in doing.values():
-                each.end()
-    bare, here = (turns.over(each, "there") - 1 for each in ("bare", "here"))
+    def there(folder: Path) -> Batch:
+        return Batch(DaskEngine("", 2, Limits()), folder)
+
+    with working(bare=bare(2), here=local(2), there=there) as (folder, doing):
+        turns = by_turns(folder, 2 * PHOTOS, -(-ROUNDS_OF_BATCHES // 2), doing)
+    more, most = (1 / turns.over("there", each) - 1 for each in ("bare", "here"))
     used = ", ".join(f"{turns.milliseconds(each):.1f} {each}" for each in doing)
     return (
-        f"items of {statistics.median(turns.seconds) * 1e3:.0f} ms: {bare:.1%} longer than by two bare processes, "
-        f"{here:.1%} than by two here; ms of processor time an item: {used}"
+        f"items of {turns.whole:.0f} ms: {more:+.1%} of the time of two bare processes, {most:+.1%} of that of two "
+        f"here; ms of processor time an item: {used}; {turns.told}"
     )
 
 

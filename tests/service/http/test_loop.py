@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import os
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 from malformed import REQUESTS
-from wire_harness import PATIENCE, Client, Running, get, post, post_chunked
+from wire_harness import PATIENCE, Client, Running, Toy, WireConfig, get, post, post_chunked
 
+from lichen_service.http.access_log import AccessLog
 from lichen_service.http.chunked import MOST_CHUNKS
+from lichen_service.http.crowd import Crowd, shared
 from lichen_service.http.limits import Bounds
+from lichen_service.http.loop import Loop
 
 Serve = Callable[..., Running]
 
@@ -403,6 +409,47 @@ def test_connections_beyond_the_cap_wait_for_a_place(serve: Serve) -> None:
         until(lambda: running.loop.connections == 2)
         first.socket.close()
         assert third.reply().status == 200
+
+
+@contextlib.contextmanager
+def sharing(running: int, count: int) -> Iterator[tuple[int, list[Loop]]]:
+    """The port of a listener that so many loops share, and these, of which so many run."""
+    descriptor = shared(count)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        loops = [
+            Loop(listener.dup(), Toy(), WireConfig(), log=AccessLog(io.StringIO()), crowd=Crowd.at(descriptor, place))
+            for place in range(count)
+        ]
+        for each in loops[:running]:
+            threading.Thread(target=each.run, daemon=True).start()
+        yield listener.getsockname()[1], loops
+        for each in loops:
+            each.stop()
+    os.close(descriptor)
+
+
+def test_a_worker_that_holds_more_connections_lets_others_go_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lichen_service.http.loop.COURTESY", PATIENCE)
+    with sharing(1, 2) as (port, (many, few)), contextlib.ExitStack() as open:
+        for number in range(1, 5):
+            open.enter_context(Client(port))
+            until(lambda number=number: many.connections == number)
+        threading.Thread(target=few.run, daemon=True).start()
+        for number in range(1, 5):
+            open.enter_context(Client(port))
+            until(lambda number=number: few.connections == number)
+        assert many.connections == 4
+
+
+def test_a_connection_that_nobody_else_takes_is_taken_by_who_has_many() -> None:
+    with sharing(1, 2) as (port, (loop, other)), contextlib.ExitStack() as open:
+        crowd = loop._crowd
+        other._tell_crowd()
+        assert crowd is not None
+        for number in range(1, 4):
+            open.enter_context(Client(port))
+            until(lambda number=number: loop.connections == number)
+            assert crowd.ahead()
 
 
 # Defects behind the wire, clients that go away

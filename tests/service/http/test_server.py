@@ -171,6 +171,30 @@ def test_a_second_signal_forces_the_end(start: Callable[..., Service]) -> None:
     until_gone(worker)
 
 
+def test_connections_are_shared_out_among_workers(start: Callable[..., Service]) -> None:
+    service = start("wire_harness:create_courteous", workers=2)
+    service.listen()
+    end = time.monotonic() + PATIENCE
+    with contextlib.ExitStack() as open:
+
+        def connected() -> Client:
+            return open.enter_context(Client(service.port))
+
+        def asked(client: Client) -> int:
+            client.send(get())
+            return int(str(client.reply().document()["pid"]))
+
+        first = asked(connected())
+        while (second := asked(connected())) == first:  # the other one may still start
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        for _ in range(4):  # they may be even by chance
+            open.close()
+            time.sleep(0.5)  # until they have seen that
+            pids = [asked(each) for each in [connected() for _ in range(12)]]
+            assert min(pids.count(first), pids.count(second)) >= 5
+
+
 def test_a_worker_that_dies_is_replaced(start: Callable[..., Service]) -> None:
     service = start(workers=2)
     service.listen()

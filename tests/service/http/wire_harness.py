@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from lichen_service.http import loop
 from lichen_service.http.access_log import AccessLog
 from lichen_service.http.limits import Bounds
 from lichen_service.http.loop import Loop
@@ -122,6 +123,12 @@ class Toy:
 
 
 def create() -> Toy:
+    return Toy()
+
+
+def create_courteous() -> Toy:
+    """For a worker that waits longer than a busy machine keeps another from running."""
+    loop.COURTESY = 0.2
     return Toy()
 
 
