@@ -187,7 +187,10 @@ def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     there, back = _matrices(p.source, p.target)
     far, made, turned = image.extent.magnitude, _magnitude(p, image), p.source is not p.target
     before = 5 * ROUNDING * _gain(there) * far if turned else 0.0
-    own = ROUNDING * (p.peak or 0.0) if p.action is Action.CLIP else 24 * ROUNDING * _gain(there) * far * _steepest(p)
+    if p.action is Action.CLIP:
+        own = ROUNDING * min(p.peak or 0.0, made)  # of the peak itself
+    else:
+        own = 24 * ROUNDING * _gain(there) * far * _steepest(p)
     after = before * _steepest(p) + own
     value = _gain(back) * (after + 5 * ROUNDING * made) if turned else after
     value = min(value, FLOAT_MAX)
