@@ -1,5 +1,6 @@
 """Why a peer is faster, for those rows of comparisons in which one was and the reason was looked for: by profiles, by
-machine code, or by what the other computes. Pages show a reason where it is needed only."""
+machine code, or by what the other computes; and what holds those pointwise operations up that take far longer than a
+copy. Pages show a reason where it is needed only."""
 
 from __future__ import annotations
 
@@ -63,3 +64,21 @@ REASONS: dict[str, str] = {
         "is stored twice."
     ),
 }
+
+BOUNDS: dict[str, str] = {
+    "gamut": (
+        "Two powers for each of three channels wherever one pixel of sixteen is beyond the threshold; and the "
+        "findings, which are counted in doubles by NumPy, take as long again as the kernel or longer."
+    ),
+    "ocio": "OpenColorIO's own processor on the host, without its quick mathematics, from and into copies of blocks.",
+    "difference": (
+        "Arithmetic in doubles, of which four go at once: six cube roots and twelve square roots for each pair of "
+        "pixels, since differences of colours that are nearly alike cancel. The kernel is all of it."
+    ),
+    "pixel_texture": "Gathers: each pixel fetches texels from all over a texture, and blends them one pixel at a time.",
+    "table3d": "Gathers: each pixel fetches four colours of the table, from places that differ for each.",
+    "colour_map": "Places in doubles, and two gathers of a colour for each pixel.",
+    "convert": "What lies around a kernel that reads one channel and writes three counts, and the curve of the result.",
+    "deproject": "Doubles, so that points are right to the last bit: each depth and three coordinates are converted.",
+}
+"""By operation."""

@@ -41,7 +41,9 @@ def test_every_part_is_told_of_and_says_what_it_measures(suite: ModuleType, root
 
 def test_reasons_are_of_rows_that_there_are(suite: ModuleType) -> None:
     known = {row.work for name in COMPARED for row in importlib.import_module(f"parts.{name}").ROWS}
-    assert importlib.import_module("reasons").REASONS.keys() <= known
+    reasons = importlib.import_module("reasons")
+    assert reasons.REASONS.keys() <= known
+    assert reasons.BOUNDS.keys() <= lichen.operations().keys()
 
 
 @pytest.mark.parametrize("name", COMPARED)

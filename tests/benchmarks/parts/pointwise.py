@@ -2,8 +2,8 @@
 
 A pointwise operation reads its pictures and writes one, so it can be no faster than a copy of as many bytes. Each runs
 by its default method, with its first example, on pictures of straight numbers; `kernels` are what the device alone
-takes of it, where there are any. Copies stand between the runs, and shares are of what those had. What stands far below
-a copy is bound by arithmetic or by gathers, as its kernel says.
+takes of it, where there are any. Copies stand between the runs, and shares are of what those had. What bounds those
+that stand far below a copy is told below.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from measuring import Copies, Limits, Turns, available, kernel_seconds, limits, quick
+from reasons import BOUNDS
 from sections import Section, table
 
 import lichen
@@ -23,6 +24,8 @@ from lichen.memory import aligned
 from lichen.operation import POINTWISE, Facts, Operation
 
 TITLE = "Pointwise operations"
+FAR = 0.75
+"""Shares of a copy below which a reason is given."""
 GIVEN = ((3, Alpha.NONE), (4, Alpha.STRAIGHT), (1, Alpha.NONE), (2, Alpha.NONE))
 """Channels and coverage of the pictures; the first that an operation takes. Inputs that are no pictures have as few
 channels as they may."""
@@ -37,10 +40,19 @@ def sections(tell: Callable[[str], None]) -> list[Section]:
         if found is not None:
             rows.append(found)
             tell(f"{operation.name}: {found[5]}")
-    rows.sort(key=lambda each: float(each[5].rstrip("%")))
+    rows.sort(key=share)
     columns = ["operation", "with", "by", "ms", "kernels, ms", "of a copy", "kernels, of a copy"]
     text = f"{side} x {side} pixels; copies move {able.bandwidth / 1e9:.1f} GB/s at best. The slowest first."
-    return [table(f"Pointwise operations on {len(available())} threads", columns, rows, text)]
+    below = [[each[0], BOUNDS[each[0]]] for each in rows if share(each) < FAR and each[0] in BOUNDS]
+    return [
+        table(f"Pointwise operations on {len(available())} threads", columns, rows, text),
+        table(f"What bounds those below {FAR:.0%} of a copy", ["operation", "what bounds it"], below),
+    ]
+
+
+def share(row: list[str]) -> float:
+    """Of a copy, as the row says it."""
+    return float(row[5].rstrip("%")) / 100
 
 
 def row(operation: Operation[Any], side: int, able: Limits, turns: Turns) -> list[str] | None:

@@ -1,6 +1,11 @@
 // A conversion between colour spaces in one pass: sixteen pixels are split into planes, taken through every step in
 // registers, and joined again. stages.py and coordinates.py define the steps and say where they come from.
 //
+// What bounds it is arithmetic, with polynomials too: of 2048 x 2048 pixels on two Zen 3 cores sRGB to PQ takes
+// 9.1 ms at degree 5, where a copy takes 5.0. What lies beyond the polynomials is out of line there, and the twelve
+// roots of sixteen pixels keep one port for 60 cycles. Asking for lines 384 to 1536 floats ahead changed nothing, nor
+// did two loops over 4 to 16 sixteens, one up to the matrix and one from there.
+//
 // Definitions given at build time, beside those of planes.clh:
 //   PATH    the steps as calls, each with the place of its numbers in k and with how many planes there are
 

@@ -259,20 +259,27 @@ def _single_unfit(p: Parameters, facts: InputFacts) -> str | None:
 
 
 def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Array:
-    """The conversion by convert.cl, its steps written out as calls."""
+    """The conversion by convert.cl, its steps written out as calls. Planes that are alike, as those of grey light are,
+    go through curves as one."""
     source, target = _models(p, image.space)
     numbers: list[float] = []
-    calls, planes = [], source.channels
+    calls, planes, alike = [], source.channels, 1
     for step in _steps(p, image.space, degree):
+        if alike > 1 and isinstance(step, Linear | Mixed):
+            calls.append(_repeated(alike))
+            planes, alike = alike, 1
         if isinstance(step, Linear):
-            calls.append(f"linear(v, k + {len(numbers)}, {planes}, {len(step.matrix)}, {step.present});")
-            planes = len(step.matrix)
+            rows = np.array(step.numbers, np.float32).reshape(-1, 5)[: len(step.matrix)]
+            alike = len(rows) if (rows == rows[0]).all() else 1
+            calls.append(f"linear(v, k + {len(numbers)}, {planes}, {len(rows) // alike}, {step.present});")
+            planes = len(rows) // alike
         elif isinstance(step, Fitted):
             layout = f"{step.found.roots}, {step.found.shift}, {step.found.degree}"
             calls.append(f"FITTED({step.exact.name}, (k + {len(numbers)}), {planes}, {layout})")
         else:
             calls.append(f"{step.name}(v, k + {len(numbers)}, {planes});")
         numbers += step.numbers
+    calls.append(_repeated(alike))
     pixels = image.height * image.width
     origin = aligned(image.pixels)
     out = aligned_empty((image.height, image.width, image.channels - source.channels + target.channels))
@@ -287,6 +294,11 @@ def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Arra
             defines=defines,
         )  # fmt: skip
     return out
+
+
+def _repeated(planes: int) -> str:
+    """As many planes like the first, as the kernel says it."""
+    return " ".join(f"v[{c}] = v[0];" for c in range(1, planes))
 
 
 @convert.method(

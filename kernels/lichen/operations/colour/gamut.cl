@@ -20,24 +20,32 @@ GAMUT_FN void turned(float16 *v, global const float *m)
         v[row] = fma(b, (float16)(m[3 * row + 2]), fma(g, (float16)(m[3 * row + 1]), r * m[3 * row]));
 }
 
+// Powers by num_pow_fast, which errs more the larger its exponent p, and the root then divides that by p.
 #if ACTION == 1
 // f(d) = t + (d - t) / (1 + u^p)^(1/p) with u = (d - t) / s, written as s (1 + u^-p)^(-1/p) where u is large.
 GAMUT_FN float16 moved(float16 d, float t, float s, float p)
 {
     float16 u = (d - t) * (1.0f / s);
+    int16 far = u > 0.0f;
+    if (!mask_any(far))
+        return d;
     float16 w = u > 1.0f ? 1.0f / u : u;
     w = w < 0.0f ? (float16)(0.0f) : w;
-    float16 root = num_pow(1.0f + num_pow(w, (float16)(p)), (float16)(-1.0f / p));
+    float16 root = num_pow_fast(1.0f + num_pow_fast(w, (float16)(p)), (float16)(-1.0f / p));
     float16 y = fma(root * (u > 1.0f ? (float16)(1.0f) : w), (float16)(s), (float16)(t));
-    return u > 0.0f ? y : d;
+    return far ? y : d;
 }
 #else
 GAMUT_FN float16 moved(float16 d, float t, float s, float p)
 {
     float16 w = (d - t) * (1.0f / s);
+    int16 far = w > 0.0f;
+    if (!mask_any(far))
+        return d;
     w = w < 0.0f ? (float16)(0.0f) : w;
-    float16 y = fma(w * num_pow(1.0f - num_pow(w, (float16)(p)), (float16)(-1.0f / p)), (float16)(s), (float16)(t));
-    return d > t ? y : d;
+    float16 root = num_pow_fast(1.0f - num_pow_fast(w, (float16)(p)), (float16)(-1.0f / p));
+    float16 y = fma(w * root, (float16)(s), (float16)(t));
+    return far ? y : d;
 }
 #endif
 

@@ -51,6 +51,7 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.colour.archive import SIGNATURE, Archive, unpacked
+from lichen.processors import each
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -303,15 +304,18 @@ def evaluate(inputs: Inputs, p: Parameters) -> Array:
     processor = _processor(p)
     out = aligned_empty(image.pixels.shape)
     flat, made = image.pixels.reshape(-1, image.channels), out.reshape(-1, image.channels)
-    with np.errstate(over="ignore"):
-        for start in range(0, len(flat), BLOCK):
-            block = flat[start : start + BLOCK]
+
+    def run(start: int) -> None:
+        block = flat[start : start + BLOCK]
+        with np.errstate(over="ignore"):
             colours = np.array(block[:, :3], np.float32, order="C")  # a copy: OpenColorIO writes into it
-            bad = np.isnan(colours).any(axis=1)
-            processor.apply(pyocio.PackedImageDesc(colours, len(colours), 1, 3))
-            colours[bad] = np.nan
-            made[start : start + BLOCK, :3] = colours
-            made[start : start + BLOCK, 3:] = block[:, 3:]
+        bad = np.logical_or.reduce([np.isnan(colours[:, c]) for c in range(3)])
+        processor.apply(pyocio.PackedImageDesc(colours, len(colours), 1, 3))
+        colours[bad] = np.nan
+        made[start : start + BLOCK, :3] = colours
+        made[start : start + BLOCK, 3:] = block[:, 3:]
+
+    each(run, range(0, len(flat), BLOCK))
     return out
 
 

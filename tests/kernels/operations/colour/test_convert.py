@@ -259,3 +259,15 @@ def test_luminance_of_grey_is_grey() -> None:
     for target, white in itertools.product(("linear_bt709", "acescg", "linear_dci_p3"), ("d65", "d50")):
         grey = convert(light, "luminance", target, white=white)
         assert np.abs(grey - light).max() < 1e-13
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("target", ["srgb", "bt2100_pq", "lab", "hsv"])
+def test_grey_light_is_converted_as_three_channels_of_it(target: str, backend: str) -> None:
+    """Whose curves are computed once for all three."""
+    light = np.random.default_rng(4).random((9, 37, 1), dtype=np.float32)
+    made, expected = (
+        lichen.run("convert", pixels, source=source, target=target, method="single", device=backend).image.pixels
+        for pixels, source in ((light, "luminance"), (np.repeat(light, 3, axis=2), "linear_bt709"))
+    )
+    np.testing.assert_allclose(made, expected, atol=2e-6 * np.abs(expected).max())

@@ -9,7 +9,7 @@ import pytest
 import lichen
 from lichen.errors import InvalidRequest
 from lichen.image import Alpha, Image
-from lichen.operations.colour.gamut import FARTHEST, Parameters
+from lichen.operations.colour.gamut import BLOCK, FARTHEST, Parameters
 
 BACKENDS = ("opencl", "numpy")
 RNG = np.random.default_rng(9)
@@ -112,3 +112,22 @@ def test_flaws_are_named_all_at_once() -> None:
     with pytest.raises(InvalidRequest) as caught:
         lichen.run("gamut", PIXELS, action="expand", peak=1.0, power=5.0)
     assert {flaw.pointer for flaw in caught.value.flaws} == {"/parameters/peak", "/parameters/power"}
+
+
+def test_findings_are_of_the_whole_picture() -> None:
+    """However many blocks it is looked at in: what is farthest lies in the second, what is undefined in the third."""
+    pixels = np.full((3, BLOCK, 3), 0.5, np.float32)
+    pixels[0, 5] = [1, -0.25, 1]
+    pixels[1, 7] = [-2, 2, 2]
+    pixels[2, 0] = [np.nan, 1, 1]
+    pixels[2, 1] = [np.inf, 1, -1]
+    found = lichen.run("gamut", pixels, action="report").findings
+    share = 1 / (3 * BLOCK)
+    assert found["distance"] == 2
+    assert found["outside"] == pytest.approx(3 * share)
+    assert found["outside_by_channel"] == pytest.approx([share, share, share])
+
+
+def test_a_peak_between_two_floats_is_stated() -> None:
+    result = lichen.run("gamut", np.full((4, 4, 3), 50, np.float32), action="clip", peak=30.0000003)
+    assert 0 < np.abs(result.image.pixels.astype(np.float64) - 30.0000003).max() <= result.error.value
