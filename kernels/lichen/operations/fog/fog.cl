@@ -1,4 +1,4 @@
-// A picture through fog, a row to a work-item, sixteen pixels at a time; optics.py is the definition.
+// A picture through fog, `span` pixels of a row to a work-item, sixteen at a time; optics.py is the definition.
 //
 // Definitions given at build time:
 //   CHANNELS, COVERAGE   of the picture; 1 where the last is coverage, which colour is multiplied by
@@ -114,9 +114,9 @@ kernel void fog(global const float *restrict image, global const float *restrict
                 global const float *restrict emissive, global float *restrict out, global const double *restrict n,
                 global const float *restrict colour, global const float *restrict layers,
                 global const double *restrict xs, global const double *restrict ys, int above, int below, int entries,
-                int width, int height)
+                int span, int width, int height)
 {
-    int row = (int)get_global_id(0);
+    int per_row = (width + span - 1) / span, row = (int)get_global_id(0) / per_row;
     if (row >= height)
         return;
     float density = (float)n[4], start = (float)n[5], slope = (float)n[6], lift = (float)n[7], per_fall = (float)n[8];
@@ -130,8 +130,9 @@ kernel void fog(global const float *restrict image, global const float *restrict
     double y = ys[row];
     float y2 = (float)(1.0 + y * y);
 #endif
-    for (int column = 0; column < width; column += LANES) {
-        int count = min(width - column, LANES);
+    int begin = (int)get_global_id(0) % per_row * span, end = min(begin + span, width);
+    for (int column = begin; column < end; column += LANES) {
+        int count = min(end - column, LANES);
         ulong first = (ulong)row * width + column;
 #if POSITION
         float16 p[4];

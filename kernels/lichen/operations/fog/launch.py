@@ -23,6 +23,8 @@ from lichen.operations.scene.view import DepthKind, pointed, rays, window_terms
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
+SPAN = 64
+"""Pixels of a work-item, where it is not a whole row as on a CPU."""
 DEEPEST = 14.0
 """Optical depth where a table of what comes through ends: 8.3e-7 is left."""
 
@@ -108,7 +110,7 @@ def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) ->
     height, width = image.height, image.width
     where = inputs["depth"]
     points = pointed(where)
-    out = aligned_empty(image.pixels.shape)
+    out, span = aligned_empty(image.pixels.shape), width if device.is_cpu else SPAN
     constants, above, below = _constants(p, height, width, image.colours, entries, points)
     up = np.flatnonzero(p.upward)
     defines: dict[str, int | float | str] = {
@@ -121,10 +123,10 @@ def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) ->
     }  # fmt: skip
     with device.session() as session:
         session.launch(
-            "fog/fog.cl", "fog", (height,),
+            "fog/fog.cl", "fog", (height * -(-width // span),),
             aligned(image.pixels), aligned(where.pixels if points else where.pixels[..., :1]),
             aligned(inputs["emissive"].pixels) if "emissive" in inputs else None, session.write(out), *constants,
-            *(np.int32(each) for each in (above, below, entries, width, height)),
+            *(np.int32(each) for each in (above, below, entries, span, width, height)),
             local=(1,), defines=defines,
         )  # fmt: skip
     return out
