@@ -287,6 +287,7 @@ def prepare_scene(
     **wishes: Any,
 ) -> Prepared:
     """What `render` with the same arguments would carry out."""
+    from lichen.scene.conventions import converted
     from lichen.scene.description import read, refuse
     from lichen.scene.layers import spread
     from lichen.scene.lowering import lower
@@ -302,7 +303,7 @@ def prepare_scene(
         said, {name: as_image(each, pointer=f"/inputs/{name}") for name, each in (images or {}).items()}
     )
     refuse(said)
-    said, sent = applied(said, sent)
+    said, sent = applied(*converted(said, sent))
     lowered = lower(said, prune=bool(wishes.get("prune", True)), faint=allowed(wishes), images=sent)
     given = {name: image for name, image in sent.items() if name in lowered.pipeline.inputs}
     try:

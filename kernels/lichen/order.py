@@ -22,7 +22,7 @@ from lichen.image import Alpha, Image, Space, Storage, as_image, repaired
 from lichen.operation import Facts, Operation
 from lichen.planning.check import flaws_of_crop, flowing, unfit
 from lichen.planning.graph import RESULT, Asked, Graph, Node, Output, Request
-from lichen.planning.pipeline import INPUT, Exit, Pipeline, escaped, nodes_of, read
+from lichen.planning.pipeline import INPUT, Exit, Pipeline, escaped, read
 
 Picture = Image | npt.ArrayLike
 Named = TypeVar("Named", bound=StrEnum)
@@ -161,7 +161,7 @@ def read_pipeline_order(
     nodes: tuple[Node, ...] = ()
     try:
         pipeline = read(said)
-        nodes = nodes_of(pipeline)
+        nodes = pipeline.nodes
     except InvalidRequest as invalid:
         flaws += invalid.flaws
     images: dict[str, Image] = {}

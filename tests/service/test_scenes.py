@@ -56,6 +56,14 @@ def test_explain_tells_which_effects_run_and_why_the_others_do_not(call: Caller)
     assert "fog" in {each["name"] for each in whole["nodes"]}
 
 
+def test_conventions_are_of_buffers_that_are_given(call: Caller) -> None:
+    response = posted(call, {**SCENE, "conventions": {"left_handed": ["position", "depth"], "encoding": "bits"}})
+    problem = problem_of(response, 422, "invalid-request")
+    assert pointers(problem) == {"/conventions/left_handed/1", "/conventions/encoding"}
+    response = posted(call, {**SCENE, "conventions": {"left_handed": ["position"]}})
+    assert pointers(problem_of(response, 422, "invalid-request")) == {"/conventions/left_handed"}
+
+
 def test_a_map_tells_which_lights_are_looked_at_where(call: Caller) -> None:
     """A spot on the sphere's left, and a lamp below the ground."""
     lamps = [

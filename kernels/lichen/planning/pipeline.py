@@ -21,6 +21,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from lichen.catalogue import operation
@@ -79,6 +80,12 @@ class Pipeline:
         read = [source for step in self.steps.values() for source in step.inputs.values()]
         read += [each.node for each in self.outputs.values()]
         return tuple(dict.fromkeys(source.removeprefix(INPUT) for source in read if source.startswith(INPUT)))
+
+    @cached_property
+    def nodes(self) -> tuple[Node, ...]:
+        """In an order in which they can run, with parameters read; found once. Raises `InvalidRequest` with every
+        flaw."""
+        return nodes_of(self)
 
 
 # ----------------------------------------------------------------------------------------------------------- reading

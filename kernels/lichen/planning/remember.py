@@ -71,8 +71,7 @@ def _told(node: Node) -> tuple[Any, ...]:
     return (
         node.name,
         node.operation,
-        node.parameters,
-        node.parameters.model_dump_json(),
+        node.parameters.written,
         tuple(node.inputs.items()),
         asked.method,
         tuple(asked.knobs.items()),

@@ -11,7 +11,8 @@ What the camera sees is either `objects`, which are cast rays at, or `buffers`: 
 are sent under. Objects are in the world's axes, and so are lights and heights. Buffers are in the camera's, which
 stands at 0 0 0 and looks along -z, unless `position` is among them: then everything is in the axes of those positions,
 the camera's eye too. Depth comes as `depth_kind` says (planar, euclidean, window or reversed), normals of any length,
-`height` in the scene's unit of length, or in what `relief` multiplies to it.
+`height` in the scene's unit of length, or in what `relief` multiplies to it. Of normals and positions that are stored
+otherwise `conventions` says how.
 """
 
 from __future__ import annotations
@@ -19,18 +20,22 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
 from lichen.errors import Flaw, InvalidRequest, parameter_flaws
 from lichen.operation import OperationParameters
+from lichen.operations.environment.surfaces import Encoding
 from lichen.operations.lighting.lamps import Kind, Lamp
 from lichen.operations.scene.camera import Camera
 from lichen.operations.scene.objects import Colour, Object
 from lichen.operations.scene.view import DepthKind
 from lichen.operations.shadow.parameters import Kind as Filtering
 from lichen.scene.keeping import Kept, written
+
+Turnable = Literal["normal", "position"]
+"""Buffers that have axes."""
 
 
 class Output(StrEnum):
@@ -97,6 +102,17 @@ class Buffers(OperationParameters):
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
 
+class Conventions(OperationParameters):
+    """How buffers are stored that are not as scenes have them: signed, and with y up and z towards the viewer."""
+
+    encoding: Encoding = Encoding.SIGNED
+    """of normals; unit: (n + 1) / 2, as pictures hold them"""
+    y_down: tuple[Turnable, ...] = ()
+    """buffers whose y runs down: normal, position"""
+    left_handed: tuple[Turnable, ...] = ()
+    """buffers whose z runs the other way, in the camera's axes away from the viewer: normal, position"""
+
+
 class Material(OperationParameters):
     """How a surface reflects, where buffers hold numbers of materials."""
 
@@ -149,6 +165,8 @@ class Scene(OperationParameters):
     """what stands in the scene"""
     buffers: Buffers = Buffers()
     """pictures sent along, in place of objects"""
+    conventions: Conventions = Conventions()
+    """how buffers are stored, which are converted to signed numbers and right-handed axes"""
     materials: Annotated[tuple[Material, ...], Field(max_length=4096)] = ()
     """what the numbers of the buffer `material` mean, from 0 on"""
     lights: Annotated[tuple[Light, ...], Field(max_length=256)] = ()
@@ -265,6 +283,11 @@ def _flaws(scene: Scene) -> list[Flaw]:
         flaws.append(Flaw("/buffers/mask", "needs depth or position, of which it leaves a part"))
     if given and not {"albedo", "material"} & given.keys() and scene.output in (Output.ALBEDO,):
         flaws.append(Flaw("/buffers/albedo", "is what was asked for"))
+    for name in ("y_down", "left_handed"):
+        absent = [each for each in getattr(scene.conventions, name) if each not in given]
+        flaws += [Flaw(f"/conventions/{name}", f"{each} is no buffer that is given") for each in absent]
+    if scene.conventions.encoding is not Encoding.SIGNED and "normal" not in given:
+        flaws.append(Flaw("/conventions/encoding", "is of normals, which are not given"))
     for number, light in enumerate(scene.lights):
         if light.slide is not None and light.kind not in (Kind.PROJECTOR, Kind.SLAB):
             flaws.append(Flaw(f"/lights/{number}/slide", f"is for projectors and slabs; this is a {light.kind} light"))

@@ -11,6 +11,7 @@ Rules:
 * A graph is kept by its scene and its pictures themselves, not their equals: what is left out depends on pixels. It
   keeps no picture alive.
 * What was refused is not kept: a second request is refused as the first was.
+* What is made of a picture is kept with it, and dies with it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import marshal
 import threading
 import weakref
 from collections import OrderedDict
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any, Generic, TypeVar
 
 from lichen.image import Image
@@ -79,3 +80,19 @@ class Pictures:
     def alive(self) -> bool:
         """Whether all of them still are, so that `key` means no others."""
         return all(each() is not None for each in self._alive)
+
+
+def made_once(image: Image, key: tuple[Any, ...], make: Callable[..., Image]) -> Image:
+    """What `make` makes of a picture and the key, the last few kept with the picture."""
+    held: list[tuple[tuple[Any, ...], Image]] = vars(image).setdefault("made", [])
+    for known, made in held:
+        if len(known) == len(key) and all(map(_same, known, key)):
+            return made
+    made = make(image, *key)
+    held[:] = [*held[-3:], (key, made)]
+    return made
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Pictures are told apart as objects, all else by what it says."""
+    return a is b or (not isinstance(a, Image) and not isinstance(b, Image) and bool(a == b))

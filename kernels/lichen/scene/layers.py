@@ -11,13 +11,16 @@ that has a pass gives it. Which passes are which buffers:
     roughness   Roughness
     emissive    Emissive
     height      Height, Displacement, where there are normals and places, too
+    motion      Vector, where the scene has a shutter
     material    IndexMA, Material Index, where the scene lists materials
 
 Where there is nothing, Blender writes a depth of 1e10, in half floats of 65504, and a position of 0 0 0; both become
 infinite by the depth. Its normals and positions are in the world's axes, whose z is up, so where both are there the
-scene is in those axes, and `up` of the camera says so. Depth alone is the camera's, and so must normals be then.
+scene is in those axes, and `up` of the camera says so. Depth alone is the camera's, and so must normals be then. Of a
+Vector X and Y lead to where the point was in the frame before, y up.
 
-Source: Blender manual, Rendering, Passes, and the files that Blender 4.2 writes.
+Source: Blender manual, Rendering, Passes, and the files that Blender 4.2 writes; of vectors what Cycles subtracts, in
+`primitive_motion_vector`.
 """
 
 from __future__ import annotations
@@ -40,11 +43,15 @@ PASSES: Mapping[str, tuple[str, ...]] = {
     "roughness": ("Roughness",),
     "emissive": ("Emissive",),
     "height": ("Height", "Displacement"),
+    "motion": ("Vector",),
     "material": ("IndexMA", "Material Index"),
 }
 COMPONENTS: Mapping[str, tuple[str, ...]] = {
     "position": ("X", "Y", "Z"), "normal": ("X", "Y", "Z"), "albedo": ("R", "G", "B"), "specular": ("R", "G", "B"),
+    "motion": ("X", "Y"),
 }  # fmt: skip
+BACK = np.array([-1, 1], np.float32)
+"""From the way back with y up to that which the point has come, with y down."""
 NOWHERE = 1e9
 """A depth from which on there is nothing; half floats end at 65504."""
 HALF_MAX = 65504.0
@@ -59,7 +66,7 @@ def spread(scene: Scene, images: Mapping[str, Image]) -> tuple[Scene, dict[str, 
     given = scene.buffers.given
     there = found.keys() | given.keys()
     raised = "normal" in there and not there.isdisjoint(("depth", "position"))
-    wanted = {"material": bool(scene.materials), "height": raised}
+    wanted = {"material": bool(scene.materials), "height": raised, "motion": scene.shutter is not None}
     made = {key: f"{name}-{key}" for key in found if key not in given and wanted.get(key, True)}
     if "position" in made or "position" in given:
         made.pop("depth", None)
@@ -79,6 +86,7 @@ def buffers(image: Image) -> dict[str, Image]:
         channels = next((at for each in passes if (at := _channels(names, each, buffer))), None)
         if channels is not None:
             pixels = aligned(np.ascontiguousarray(image.pixels[..., channels]))
+            pixels = aligned(pixels * BACK, pixels.dtype) if buffer == "motion" else pixels
             space = Space.LINEAR if buffer in ("albedo", "specular") else Space.DATA
             found[buffer] = Image(pixels, space, storage=image.storage)
     if "depth" in found:

@@ -10,8 +10,7 @@ What is made is kept as long as the pictures that it was made of: frames of othe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from lichen.errors import Flaw, InvalidRequest
 from lichen.image import Image, Space
 from lichen.memory import Array, aligned
 from lichen.scene.description import Buffers, Material, Scene
+from lichen.scene.keeping import made_once
 
 COLOURS = ("albedo", "specular")
 PLACES = ("depth", "position")
@@ -41,34 +41,18 @@ def applied(scene: Scene, images: Mapping[str, Image]) -> tuple[Scene, dict[str,
         for buffer in (*COLOURS, "roughness"):
             if buffer not in given:
                 given[buffer] = f"{numbers}-{buffer}"
-                sent[given[buffer]] = _kept(images[numbers], (buffer, scene.materials), _filled)
+                sent[given[buffer]] = made_once(images[numbers], (buffer, scene.materials), _filled)
         sent.pop(numbers, None)
     if mask is not None:
         for buffer in PLACES:
             if given.get(buffer) in images:
                 where = images[given[buffer]]
                 given[buffer] = f"{given[buffer]}-masked"
-                sent[given[buffer]] = _kept(where, (images[mask],), _masked)
+                sent[given[buffer]] = made_once(where, (images[mask],), _masked)
         sent.pop(mask, None)
     left = set(given.values())
     kept = {name: image for name, image in sent.items() if name in left or name not in scene.buffers.given.values()}
     return scene.model_copy(update={"buffers": Buffers(**given)}), kept
-
-
-def _kept(image: Image, key: tuple[Any, ...], make: Callable[..., Image]) -> Image:
-    """What is made of a picture, the last of each kind kept with it."""
-    held: list[tuple[tuple[Any, ...], Image]] = vars(image).setdefault("made", [])
-    for known, made in held:
-        if len(known) == len(key) and all(map(_same, known, key)):
-            return made
-    made = make(image, *key)
-    held[:] = [*held[-3:], (key, made)]
-    return made
-
-
-def _same(a: Any, b: Any) -> bool:
-    """Pictures are told apart as objects, all else by what it says."""
-    return a is b or (not isinstance(a, Image) and not isinstance(b, Image) and bool(a == b))
 
 
 def _filled(image: Image, buffer: str, materials: tuple[Material, ...]) -> Image:

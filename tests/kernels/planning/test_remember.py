@@ -11,6 +11,7 @@ from lichen.errors import InvalidRequest
 from lichen.image import Image
 from lichen.memory import aligned_empty
 from lichen.planning import remember
+from lichen.planning.pipeline import read
 
 
 def picture(value: float = 0.5) -> Image:
@@ -39,6 +40,19 @@ def test_zeros_of_both_signs_keep_their_signs() -> None:
     for black in (0.0, -0.0, 0.0):
         (node,) = plan(picture(), black=black, white=0.6).nodes
         assert np.signbit(node.parameters.black) == np.signbit(black)
+
+
+def test_what_is_written_of_a_copy_is_what_it_holds() -> None:
+    (node,) = plan(picture(), black=0.25, white=0.6).nodes
+    assert '"black":0.25' in node.parameters.written
+    copy = node.parameters.model_copy(update={"black": 0.125})
+    assert copy.written == copy.model_dump_json() != node.parameters.written
+
+
+def test_a_pipeline_s_nodes_are_found_once() -> None:
+    pipeline = read("levels:black=0.1|gaussian:sigma=2")
+    assert pipeline.nodes is pipeline.nodes
+    assert [node.operation.name for node in pipeline.nodes] == ["levels", "gaussian"]
 
 
 def test_other_facts_have_another_plan() -> None:

@@ -25,8 +25,11 @@ EFFECTS = {
 }
 
 
+MOVING = [OBJECTS[0], {**OBJECTS[1], "velocity": [0.3, 0.2, 0.1]}]
+
+
 def seen(buffer: str) -> np.ndarray:
-    return lichen.run("gbuffer", objects=OBJECTS, buffer=buffer, frame="world", **CAMERA).image.pixels
+    return lichen.run("gbuffer", objects=MOVING, buffer=buffer, frame="world", **CAMERA).image.pixels
 
 
 @pytest.fixture
@@ -36,6 +39,8 @@ def render(tmp_path: Path) -> bytes:
     nothing = np.isinf(depth)
     passes = {"Combined": ("RGBA", np.full((30, 40, 4), 0.25, np.float32)), "Depth": ("Z", depth[..., None])}
     passes |= {"Position": ("XYZ", position), "Normal": ("XYZ", seen("normal")), "DiffCol": ("RGB", seen("albedo"))}
+    back, up = -seen("motion")[..., 0], seen("motion")[..., 1]
+    passes["Vector"] = ("XYZW", np.stack([back, up, back * 2, up * 3], axis=-1))
     channels = {}
     for name, (components, pixels) in passes.items():
         for at, component in enumerate(components):
@@ -55,6 +60,17 @@ def test_layers_are_found_by_name_and_lit_like_the_objects(render: bytes) -> Non
     made = lichen.render(sent, images={"render": picture}).image.pixels
     expected = lichen.render({"camera": CAMERA, "objects": OBJECTS, **EFFECTS}).image.pixels
     np.testing.assert_allclose(made, expected, atol=2e-5)
+
+
+def test_vectors_are_the_motion_of_a_shutter(render: bytes) -> None:
+    """As Cycles has them: where a point was less where it is, up and to the right."""
+    view = {"camera": {"eye": CAMERA["eye"], "target": CAMERA["target"]}, "buffers": {"layers": "render"}}
+    shutter = {"shutter": {"shutter": 0.5, "start": -0.5}}
+    made = lichen.render({**view, **EFFECTS, **shutter}, images={"render": decode(render)}).image.pixels
+    expected = lichen.render({"camera": CAMERA, "objects": MOVING, **EFFECTS, **shutter}).image.pixels
+    np.testing.assert_allclose(made, expected, atol=5e-5)
+    still = lichen.render({"camera": CAMERA, "objects": OBJECTS, **EFFECTS}).image.pixels
+    assert np.abs(made - still).max() > 0.05
 
 
 def test_a_picture_without_such_layers_is_refused() -> None:

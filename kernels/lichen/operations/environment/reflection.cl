@@ -104,12 +104,19 @@ FN void segment(global const float *restrict normals, global const float *restri
         REAL rest = 1 - (x * x + y * y), z = sqrt(rest < 0 ? R(0.0) : rest);
 #endif
         SCALE(x, y, z)
-        REAL length = sqrt(x * x + y * y + z * z), inverse = 1 / (length == 0 ? R(1.0) : length);
+        REAL square = x * x + y * y + z * z, length = sqrt(square), inverse = 1 / (length == 0 ? R(1.0) : length);
         int nothing = length == 0;
+#if SINGLE == 1
+        doubt |= beyond(square, x, y, z);
+#endif
         REAL nx = x * inverse, ny = y * inverse, nz = z * inverse;
 #if VIEW == 2
         REAL a = place[3 * i], b = place[3 * i + 1], d = place[3 * i + 2];
+#if SINGLE == 1
+        int far = max(max(as_int(fabs(a)), as_int(fabs(b))), as_int(fabs(d))) == 0x7f800000;
+#else
         int far = ((fabs(a) == INFINITY) | (fabs(b) == INFINITY) | (fabs(d) == INFINITY)) & (a == a) & (b == b) & (d == d);
+#endif
         REAL vx = eye_x - (far ? R(0.0) : a), vy = eye_y - (far ? R(0.0) : b), vz = eye_z - (far ? R(0.0) : d);
 #if SINGLE == 1
         vx += rest_x; // what the float of the eye lacks
@@ -117,7 +124,11 @@ FN void segment(global const float *restrict normals, global const float *restri
         vz += rest_z;
 #endif
         SCALE(vx, vy, vz)
-        length = sqrt(vx * vx + vy * vy + vz * vz), inverse = 1 / (length == 0 ? R(1.0) : length);
+        square = vx * vx + vy * vy + vz * vz;
+        length = sqrt(square), inverse = 1 / (length == 0 ? R(1.0) : length);
+#if SINGLE == 1
+        doubt |= beyond(square, vx, vy, vz);
+#endif
         nothing |= far | (length == 0);
         vx *= inverse;
         vy *= inverse;
@@ -145,7 +156,7 @@ FN void segment(global const float *restrict normals, global const float *restri
         REAL eta = 1 / ratio, k = 1 - eta * eta * (1 - c * c), twice = 2 * c;
 #if SINGLE == 1
         share[i] = FRESNEL ? fresnel_contrast(c, contrast) : fixed;
-        doubt |= FRESNEL & !nothing & (c * sign < DOUBT);
+        doubt |= FRESNEL ? as_int(nothing ? 1.0f : c * sign - DOUBT) : 0;
 #else
         share[i] = FRESNEL ? reflected(c, ratio, k) : fixed;
 #endif
@@ -163,87 +174,79 @@ FN void segment(global const float *restrict normals, global const float *restri
 #endif
     }
 #if SINGLE == 1
-    if (doubt) {
+    if (doubt < 0) {
         doubtful[number] = 1;
         return;
     }
 #endif
-    Places at;
-    float4 made[SEGMENT];
 #if IRRADIANCE
-    located(&at, &outward, irradiance_tall, irradiance_wide, cells, empty,
-            m[6] == 0 && m[7] == 0, &doubt);
-    EACH made[i] = value(irradiance, &at, i, irradiance_wide);
+    Places at_outward;
+    located(&at_outward, &outward, irradiance_tall, irradiance_wide, cells, empty, m[6] == 0 && m[7] == 0, &doubt);
 #endif
-    EACH {
-        // What is hidden wholly stays so, however large the product of base and irradiance.
-        float kept = COATED ? 1.0f - share[i] : 1.0f;
-#if BASE && IRRADIANCE
-        made[i] *= coloured(own, i) * kept;
-#elif BASE
-        made[i] = coloured(own, i) * kept;
-#elif IRRADIANCE
-        made[i] *= kept;
-#elif MODE == 1
-        made[i] = (float4)(0.0f);
-#endif
-    }
-    float4 plain = (float4)(0.0f);
 #if MODE != 1
-    located(&at, &mirror, tall, wide, cells, empty, 0, &doubt);
+    Places at_mirror;
+    located(&at_mirror, &mirror, tall, wide, cells, empty, 0, &doubt);
 #if SINGLE == 1
-    if (doubt)
+    if (doubt < 0)
         doubtful[number] = 1;
 #endif
-    EACH {
-        float4 seen = value(environment, &at, i, wide);
-#if BASE
-        plain = coloured(own, i);
-#endif
-        float4 shown = share[i] * seen;
-#if BASE || IRRADIANCE
-        shown += made[i];
-#endif
-        made[i] = (int4)(-empty[i]) ? (BEHIND ? seen : plain) : shown;
-    }
 #endif
 #if MODE != 0
-    located(&at, &through, tall, wide, cells, empty, 0, &doubt);
-    EACH {
-        float4 seen = value(environment, &at, i, wide), kept = made[i];
-        float passes = MODE == 1 && !FRESNEL ? share[i] : 1.0f - share[i];
-#if MODE == 1
-#if BASE
-        plain = coloured(own, i);
-#endif
-        kept = BEHIND ? seen : plain;
-#endif
-        made[i] = empty[i] ? kept : made[i] + passes * seen;
-    }
-#endif
-    if (skipped)
-#if BASE
-        EACH made[i] = skip[i] ? coloured(own, i) : made[i];
-#else
-        EACH made[i] = skip[i] ? (float4)(0.0f) : made[i];
+    Places at_through;
+    located(&at_through, &through, tall, wide, cells, empty, 0, &doubt);
 #endif
     global float *p = out + first * COLOURS;
-#if COLOURS == 3
-    for (int i = 0; i < last; ++i) // four numbers at once: the next pixel takes its own place back
-        vstore4(made[i], 0, p + 3 * i);
-    vstore3(made[last].xyz, 0, p + 3 * last);
-#else
     for (int i = 0; i <= last; ++i, p += COLOURS) {
-        p[0] = made[i].x;
+        float4 own_light = (float4)(0.0f), made = own_light, plain;
+#if BASE
+        own_light = coloured(own, i);
+#endif
+        plain = own_light;
+        // What is hidden wholly stays so, however large the product of base and irradiance.
+        float kept = COATED ? 1.0f - share[i] : 1.0f;
+#if IRRADIANCE
+        made = value(irradiance, &at_outward, i, irradiance_wide);
+#endif
+#if BASE && IRRADIANCE
+        made *= own_light * kept;
+#elif BASE
+        made = own_light * kept;
+#elif IRRADIANCE
+        made *= kept;
+#endif
+#if MODE != 1
+        float4 seen = value(environment, &at_mirror, i, wide), shown = share[i] * seen;
+#if BASE || IRRADIANCE
+        shown += made;
+#endif
+        made = (int4)(-empty[i]) ? (BEHIND ? seen : plain) : shown;
+#endif
+#if MODE != 0
+        float4 behind_it = value(environment, &at_through, i, wide), nothing_there = made;
+        float passes = MODE == 1 && !FRESNEL ? share[i] : 1.0f - share[i];
+#if MODE == 1
+        nothing_there = BEHIND ? behind_it : plain;
+#endif
+        made = empty[i] ? nothing_there : made + passes * behind_it;
+#endif
+        if (skipped)
+            made = skip[i] ? own_light : made;
+#if COLOURS == 3
+        if (i < last)
+            vstore4(made, 0, p); // four numbers at once: the next pixel takes its own place back
+        else
+            vstore3(made.xyz, 0, p);
+#else
+        p[0] = made.x;
 #if COLOURS > 1
-        p[1] = made[i].y;
+        p[1] = made.y;
 #endif
 #if COLOURS > 2
-        p[2] = made[i].z;
-        p[3] = made[i].w;
+        p[2] = made.z;
+        p[3] = made.w;
+#endif
 #endif
     }
-#endif
 }
 
 #if SINGLE == 2

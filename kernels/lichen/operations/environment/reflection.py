@@ -38,6 +38,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -179,10 +180,19 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 # ------------------------------------------------------------------------------------------------------- on devices
 
 
+@cache
 def _cells(chart: Chart) -> Array:
     """Where a cube's image shows each of its faces."""
     faces = FACES.get(chart, FACES[Chart.CUBE])
     return aligned(np.array([faces.index(each) for each in range(NOTHING)]), np.int32)
+
+
+@lru_cache(maxsize=64)
+def _numbers(p: Parameters, height: int) -> Array:
+    """The kernel's doubles, for a picture of this height; kept, since frames of one scene ask for the same."""
+    scale = math.tan(math.radians(p.fov or 0.0) / 2) / (0.5 * height)
+    made = np.array([*p.turn.reshape(-1), *p.eye, scale, p.index, 1 / p.index, p.reflectance])
+    return aligned(made, np.float64)
 
 
 def _launched(
@@ -199,8 +209,6 @@ def _launched(
     maps = {name: framed.kept(inputs[name], p.chart) for name in ("environment", "irradiance") if name in inputs}
     short = single or (nearest and p.fresnel is Fresnel.NONE)
     charts = {Chart.LATLONG: 0, Chart.PARABOLOID: 2, Chart.MIRROR_BALL: 3}
-    scale = math.tan(math.radians(p.fov or 0.0) / 2) / (0.5 * normal.height)
-    numbers = np.array([*p.turn.reshape(-1), *p.eye, scale, p.index, 1 / p.index, p.reflectance])
     fresnel = 0 if p.fresnel is Fresnel.NONE else (2 if approximate else 1)
     defines: dict[str, int | float | str] = {
         "NORMALS": normal.channels, "UNIT": int(p.encoding is Encoding.UNIT),
@@ -227,7 +235,7 @@ def _launched(
     with device.session() as session:
         arguments = (
             aligned(normal.pixels), given["position"], given["base"], *memories, session.write(out),
-            aligned(numbers, np.float64), _cells(p.chart), np.int32(normal.width), np.int32(normal.height), *sizes,
+            _numbers(p, normal.height), _cells(p.chart), np.int32(normal.width), np.int32(normal.height), *sizes,
             None if skipped is None else aligned(skipped, np.uint8), np.uint64(pixels),
             session.write(session.scratch((segments,), np.uint8)) if single else None,
         )  # fmt: skip

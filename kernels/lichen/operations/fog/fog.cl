@@ -1,10 +1,13 @@
-// A picture through fog, 64 pixels of a row to a work-item, sixteen at a time; optics.py is the definition.
+// A picture through fog, `span` pixels of a row to a work-item, sixteen at a time; optics.py is the definition.
 //
 // Definitions given at build time:
 //   CHANNELS, COVERAGE   of the picture; 1 where the last is coverage, which colour is multiplied by
 //   KIND                 0 linear, 1 exponential, 2 squared, 3 layered, 4 by height
-//   SLANTED              1 where heights are counted along none of the axes
-//   POSITION             1 where points are given; 0 where depths are: `depth_kind` 0 planar, 1 euclidean, 2 by terms
+//   AXIS                 0 to 2 where heights of points are counted along an axis, 3 where along none
+//   POSITION             1 where points are given; 0 where depths are: DEPTH_KIND 0 planar, 1 euclidean, 2 by terms
+//   PLANAR               1 where distances are those along the viewing direction
+//   KEEP                 1 where what is infinitely far stays as it is
+//   SHINES               1 where `emissive` is given
 //   TABLE                1 where `layers` is a table of `entries`: of what comes through (kinds 1, 2), or of mean densities
 //                        above the eye and then below (3); 0 where it holds for each segment, those above first,
 //                        where it begins, the integral up to there, the density there and its slope
@@ -12,11 +15,11 @@
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
+#include "mask.clh"
 #include "numeric.clh"
 #include "vector.clh"
 #include "../compositing/planes.clh"
 
-#define SEGMENT 64
 #define ONE ((float16)(1.0f))
 #define ZERO ((float16)(0.0f))
 
@@ -92,25 +95,42 @@ PLANE_FN float16 along(const float16 *p, global const double *restrict eye, glob
 }
 #endif
 
-kernel void fog(global const float *restrict image, global const float *restrict where, global const float *restrict emissive,
-                global float *restrict out, global const double *restrict n, global const float *restrict colour,
-                global const float *restrict layers, global const double *restrict xs, global const double *restrict ys, int shines, int depth_kind, int planar, int keep, int above,
-                int below, int entries, int width, int height)
+// Lengths of vectors: where no square leaves the range of floats nothing need be scaled, for the same result.
+PLANE_FN float16 distance_of(vector16 v)
 {
-    int per_row = (width + SEGMENT - 1) / SEGMENT, row = (int)get_global_id(0) / per_row;
+    float16 square = vector_dot(v, v);
+    if (mask_all((square > 0x1p-80f) & (square < 0x1p+120f)))
+        return sqrt(square);
+    return vector_length(v);
+}
+
+// What is seen of a colour of which `t` comes through: no light, however much there is, where nothing does.
+PLANE_FN float16 dimmed(float16 v, float16 t, bool clear)
+{
+    return clear ? t * v : ((t == 0.0f) & (fabs(v) == INFINITY) ? ZERO : t * v);
+}
+
+kernel void fog(global const float *restrict image, global const float *restrict where,
+                global const float *restrict emissive, global float *restrict out, global const double *restrict n,
+                global const float *restrict colour, global const float *restrict layers,
+                global const double *restrict xs, global const double *restrict ys, int above, int below, int entries,
+                int span, int width, int height)
+{
+    int per_row = (width + span - 1) / span, row = (int)get_global_id(0) / per_row;
     if (row >= height)
         return;
-    int begin = ((int)get_global_id(0) % per_row) * SEGMENT, end = min(begin + SEGMENT, width);
-    double y = ys[row];
     float density = (float)n[4], start = (float)n[5], slope = (float)n[6], lift = (float)n[7], per_fall = (float)n[8];
-    float y2 = (float)(1.0 + y * y);
 #if POSITION
     float eye[6];
     for (int c = 0; c < 3; c++) {
         eye[c] = (float)n[9 + c];
         eye[3 + c] = (float)(n[9 + c] - eye[c]);
     }
+#else
+    double y = ys[row];
+    float y2 = (float)(1.0 + y * y);
 #endif
+    int begin = (int)get_global_id(0) % per_row * span, end = min(begin + span, width);
     for (int column = begin; column < end; column += LANES) {
         int count = min(end - column, LANES);
         ulong first = (ulong)row * width + column;
@@ -119,33 +139,38 @@ kernel void fog(global const float *restrict image, global const float *restrict
         planes_load(where + first * 3, 3, 3, count, p);
         // Relative to the eye, which is given in two parts: what is near it keeps all digits.
         float16 px = (p[0] - eye[0]) - eye[3], py = (p[1] - eye[1]) - eye[4], pz = (p[2] - eye[2]) - eye[5];
-        float16 d = vector_length(vector(px, py, pz)), rise = ZERO, climb = ZERO;
+        float16 d = distance_of(vector(px, py, pz)), rise = ZERO, climb = ZERO;
         d = ((p[0] != p[0]) | (p[1] != p[1]) | (p[2] != p[2])) ? (float16)(NAN) : d;
-        if (planar) {
-            float16 z = along(p, n + 9, n + 15);
-            z = z < 0.0f ? ZERO : z;
-            d = d == INFINITY ? d : (d == d ? z : d);
-        }
+#if PLANAR
+        float16 z = along(p, n + 9, n + 15);
+        z = z < 0.0f ? ZERO : z;
+        d = d == INFINITY ? d : (d == d ? z : d);
+#endif
 #if KIND >= 3
-#if SLANTED
+#if AXIS == 3
         rise = along(p, n + 9, n + 12);
 #else
-        rise = n[12] != 0.0 ? (float)n[12] * px : (n[13] != 0.0 ? (float)n[13] * py : (float)n[14] * pz);
+        rise = (float)n[12 + AXIS] * (AXIS == 0 ? px : (AXIS == 1 ? py : pz));
 #endif
 #endif
 #else
-        double16 x = vload16(0, xs + column);
-        float16 xf = convert_float16(x), stored = plane_load(where + first, 1, 0, count), z = stored;
-        float16 slant = sqrt(xf * xf + y2);
-        if (depth_kind == 2) {
-            double16 divisor = n[19] + n[20] * convert_double16(stored), zd = n[18] / divisor;
-            z = convert_float16(divisor <= 0.0 ? (double16)(INFINITY) : zd);
-        }
+        float16 stored = plane_load(where + first, 1, 0, count), z = stored;
+#if DEPTH_KIND == 2
+        double16 divisor = n[19] + n[20] * convert_double16(stored), zd = n[18] / divisor;
+        z = convert_float16(divisor <= 0.0 ? (double16)(INFINITY) : zd);
+#endif
         z = z < 0.0f ? ZERO : z;
-        float16 d = depth_kind == 1 ? (planar ? z / slant : z) : (planar ? z : z * slant);
+        float16 d = z;
+#if KIND >= 3 || PLANAR == (DEPTH_KIND == 1)
+        double16 x = vload16(0, xs + column);
+        float16 xf = convert_float16(x), slant = sqrt(xf * xf + y2);
+#if PLANAR == (DEPTH_KIND == 1)
+        d = PLANAR ? z / slant : z * slant;
+#endif
+#endif
 #if KIND >= 3
         double16 climbs = n[12] * x + n[13] * y - n[14];
-        float16 climb = convert_float16(climbs), rise = (depth_kind == 1 ? z / slant : z) * climb;
+        float16 climb = convert_float16(climbs), rise = (DEPTH_KIND == 1 ? z / slant : z) * climb;
         climb = climb / slant;
 #endif
 #endif
@@ -185,13 +210,15 @@ kernel void fog(global const float *restrict image, global const float *restrict
         t = num_exp(-(nothing ? endless : within));
 #endif
         t = d == d ? t : d;
-        if (keep)
-            t = nothing ? ONE : t;
-        if (shines) {
-            float16 e = num_clamp(plane_load(emissive + first, 1, 0, count), ZERO, ONE);
-            t = t + e * (ONE - t);
-        }
+#if KEEP
+        t = nothing ? ONE : t;
+#endif
+#if SHINES
+        float16 e = num_clamp(plane_load(emissive + first, 1, 0, count), ZERO, ONE);
+        t = t + e * (ONE - t);
+#endif
         float16 hidden = ONE - t;
+        bool clear = !mask_any(t == 0.0f);
         global const float *in = image + first * CHANNELS;
         global float *to = out + first * CHANNELS;
 #if CHANNELS <= 4
@@ -200,8 +227,9 @@ kernel void fog(global const float *restrict image, global const float *restrict
 #if COVERAGE
         hidden *= v[CHANNELS - 1];
 #endif
+#pragma unroll
         for (int c = 0; c < CHANNELS - COVERAGE; c++)
-            v[c] = ((t == 0.0f) & (fabs(v[c]) == INFINITY) ? ZERO : t * v[c]) + hidden * colour[c];
+            v[c] = dimmed(v[c], t, clear) + hidden * colour[c];
         planes_store(v, to, CHANNELS, count);
 #else
 #if COVERAGE
@@ -211,7 +239,7 @@ kernel void fog(global const float *restrict image, global const float *restrict
 #endif
         for (int c = 0; c < CHANNELS - COVERAGE; c++) {
             float16 v = plane_load(in, CHANNELS, c, count);
-            plane_store(((t == 0.0f) & (fabs(v) == INFINITY) ? ZERO : t * v) + hidden * colour[c], to, CHANNELS, c, count);
+            plane_store(dimmed(v, t, clear) + hidden * colour[c], to, CHANNELS, c, count);
         }
 #endif
     }

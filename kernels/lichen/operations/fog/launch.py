@@ -23,7 +23,8 @@ from lichen.operations.scene.view import DepthKind, pointed, rays, window_terms
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
-SEGMENT = 64
+SPAN = 64
+"""Pixels of a work-item, where it is not a whole row as on a CPU."""
 DEEPEST = 14.0
 """Optical depth where a table of what comes through ends: 8.3e-7 is left."""
 
@@ -88,15 +89,17 @@ def _summed(side: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def _constants(
-    p: Parameters, height: int, width: int, colours: int, entries: int
-) -> tuple[tuple[Array, ...], int, int]:
-    """Numbers, colour, layers or table, x and y, and segments above and below; kept, since frames ask for the same."""
-    sides = [_summed(each) for each in p.column.sides] if p.kind is Kind.LAYERED else [np.zeros((1, 4))] * 2
-    layers = table_of(p, entries) if entries else np.concatenate(sides).astype(np.float32)
+    p: Parameters, height: int, width: int, colours: int, entries: int, pointed_at: bool
+) -> tuple[tuple[Array | None, ...], int, int]:
+    """Numbers, colour, layers or table, x and y, and segments above and below; None for what is not read. Kept, since
+    frames ask for the same."""
+    sides = [_summed(each) for each in p.column.sides] if p.kind is Kind.LAYERED else [np.zeros((0, 4))] * 2
+    layers = table_of(p, entries) if entries else np.concatenate(sides)
     x, y = rays(p, height, width)
     made = (
-        aligned(numbers(p, entries), np.float64), aligned(np.array(p.light(colours))), aligned(layers),
-        aligned(_padded(x.ravel()), np.float64), aligned(y.ravel(), np.float64),
+        aligned(numbers(p, entries), np.float64), aligned(np.array(p.light(colours))),
+        aligned(layers) if layers.size else None,
+        *((None, None) if pointed_at else (aligned(_padded(x.ravel()), np.float64), aligned(y.ravel(), np.float64))),
     )  # fmt: skip
     return made, len(sides[0]), len(sides[1])
 
@@ -106,24 +109,24 @@ def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) ->
     image = inputs["image"]
     height, width = image.height, image.width
     where = inputs["depth"]
-    pixels, out = aligned(image.pixels), aligned_empty(image.pixels.shape)
-    constants, above, below = _constants(p, height, width, image.colours, entries)
-    kind = list(DepthKind).index(p.depth_kind)
-    choices = (
-        "emissive" in inputs, min(kind, 2), p.distance is Distance.PLANAR, p.background is Background.KEEP,
-        above, below, entries, width, height,
-    )  # fmt: skip
+    points = pointed(where)
+    out, span = aligned_empty(image.pixels.shape), width if device.is_cpu else SPAN
+    constants, above, below = _constants(p, height, width, image.colours, entries, points)
+    up = np.flatnonzero(p.upward)
     defines: dict[str, int | float | str] = {
         "CHANNELS": image.channels, "COVERAGE": int(image.alpha is not Alpha.NONE), "TABLE": int(entries > 0),
-        "KIND": list(Kind).index(p.kind), "POSITION": int(pointed(where)),
-        "SLANTED": int(pointed(where) and p.by_height and np.count_nonzero(p.upward) > 1),
+        "KIND": list(Kind).index(p.kind), "POSITION": int(points),
+        "AXIS": int(up[0]) if points and p.by_height and len(up) == 1 else 3,
+        "DEPTH_KIND": 0 if points else min(list(DepthKind).index(p.depth_kind), 2),
+        "PLANAR": int(p.distance is Distance.PLANAR), "KEEP": int(p.background is Background.KEEP),
+        "SHINES": int("emissive" in inputs),
     }  # fmt: skip
     with device.session() as session:
         session.launch(
-            "fog/fog.cl", "fog", (height * -(-width // SEGMENT),),
-            pixels, aligned(where.pixels if pointed(where) else where.pixels[..., :1]),
-            aligned(inputs["emissive"].pixels) if "emissive" in inputs else pixels, session.write(out),
-            *constants, *(np.int32(each) for each in choices),
+            "fog/fog.cl", "fog", (height * -(-width // span),),
+            aligned(image.pixels), aligned(where.pixels if points else where.pixels[..., :1]),
+            aligned(inputs["emissive"].pixels) if "emissive" in inputs else None, session.write(out), *constants,
+            *(np.int32(each) for each in (above, below, entries, span, width, height)),
             local=(1,), defines=defines,
         )  # fmt: skip
     return out

@@ -214,7 +214,7 @@ def _launched(device: Device, inputs: Inputs, p: Parameters, kernel: str, kind: 
     "single",
     error=_single,
     work=lambda p, knob, facts: float(facts["normal"].pixels),
-    rates={"opencl": Rate(2e-4, 1e-8), "numpy": Rate(4e-4, 3.4e-7)},
+    rates={"opencl": Rate(2e-4, 1e-8), "numpy": Rate(1.5e-3, 3.6e-7)},
 )
 class Single:
     """In float32; NumPy, whose time goes into passes over arrays, takes doubles here, too."""
@@ -232,7 +232,7 @@ class Single:
     "exact",
     error=lambda p, knob, facts: EXACT,
     work=lambda p, knob, facts: float(facts["normal"].pixels),
-    rates={"opencl": Rate(3e-4, 1.3e-8), "numpy": Rate(4e-4, 3.4e-7)},
+    rates={"opencl": Rate(3e-4, 1.2e-8), "numpy": Rate(1.5e-3, 3.6e-7)},
 )
 class Exact:
     """In doubles, rounded once; on a device without doubles, on the host."""
