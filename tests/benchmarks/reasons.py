@@ -40,7 +40,7 @@ REASONS: dict[str, str] = {
     "pyramid, one level, RGBA": "It waits for the rows of the source.",
     "colour_map, viridis": (
         "The place between two colours is found in doubles, and every pixel gathers and blends two of its own; the "
-        "peer looks up one of 256 codes of 8 bits."
+        "peer looks up one of 256 codes of 8 bits, and writes a quarter of the bytes."
     ),
     "pixel_texture, linear, RGBA": (
         "The peer's places are whole numbers with five bits of fraction; ours are scaled, turned into places and split "

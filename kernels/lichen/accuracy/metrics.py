@@ -103,25 +103,29 @@ def totals(pixels: Array, truth: Array, alpha: Alpha = Alpha.NONE) -> Totals:
     high: list[Array] = []
     for start in range(0, len(made), step := max(1, BLOCK // made.shape[1])):
         apart, unlike = deviations(made[start : start + step], exact[start : start + step], alpha)
-        taken = _taken(apart)
+        taken, added = _taken(apart)
         mismatched += unlike
         count += taken.size
         largest = max(largest, float(taken.max(initial=0.0)))
-        total += float(taken.sum())
+        total += added
         squares += float(np.einsum("i,i", taken, taken))
         high.append(taken[taken > bound])
     if not count:
         return Totals(0.0, 0.0, 0.0, 0.0, mismatched)
     p999 = _quantile(np.concatenate(high), count, bound)
     if p999 is None:
-        p999 = float(np.quantile(_taken(deviations(made, exact, alpha)[0]), SHARE))
+        p999 = float(np.quantile(_taken(deviations(made, exact, alpha)[0])[0], SHARE))
     return Totals(largest, p999, math.sqrt(squares / count), total / count, mismatched)
 
 
-def _taken(apart: Array) -> Array:
-    """The differences that there are, flat."""
-    unknown = np.isnan(apart)
-    return apart[~unknown] if unknown.any() else apart.reshape(-1)
+def _taken(apart: Array) -> tuple[Array, float]:
+    """The differences that there are, flat, and their sum: one that is unknown makes no number of it."""
+    flat = apart.reshape(-1)
+    total = float(flat.sum())
+    if math.isnan(total):
+        flat = flat[~np.isnan(flat)]
+        total = float(flat.sum())
+    return flat, total
 
 
 def _bound(made: Array, exact: Array, alpha: Alpha) -> float:
@@ -129,7 +133,7 @@ def _bound(made: Array, exact: Array, alpha: Alpha) -> float:
     if made.size < 8 * BLOCK:
         return -1.0
     stride = made.size // BLOCK
-    taken = _taken(deviations(made[::stride], exact[::stride], alpha)[0])
+    taken, _ = _taken(deviations(made[::stride], exact[::stride], alpha)[0])
     return float(np.quantile(taken, 0.99)) if taken.size else -1.0
 
 
@@ -151,11 +155,12 @@ def deviations(pixels: Array, truth: Array, alpha: Alpha = Alpha.NONE) -> tuple[
     if pixels.shape != truth.shape:
         raise ValueError(f"shapes differ: {pixels.shape} and {truth.shape}")
     with np.errstate(all="ignore"):
-        shown, exact = visible(pixels, alpha), visible(truth, alpha)
-        apart = np.abs(shown - exact)
+        shown, exact = (visible(each, alpha) if alpha is Alpha.STRAIGHT else each for each in (pixels, truth))
+        apart = np.subtract(shown, exact, dtype=np.float64)
+        np.abs(apart, out=apart)
+        if np.isfinite(apart.sum()):  # then so are both sides
+            return apart, 0
     finite = np.isfinite(shown) & np.isfinite(exact)
-    if finite.all():
-        return apart, 0
     same = (shown == exact) | (np.isnan(shown) & np.isnan(exact))
     apart[~finite] = np.nan
     return apart, int(np.count_nonzero(~finite & ~same))

@@ -92,30 +92,26 @@ def warp(name: str, method: str, flag: int, **further: float) -> Row:
 
 
 def horizon(side: int) -> np.ndarray:
-    """Output to input: a plane that ends in the middle, a little aslant, whatever the size."""
-    matrix = np.array([[1, 0.1, 0], [0.05, 0.3, 6], [0.03, 0.11, -1]])
+    """Output to input: a plane that ends in the middle, a little aslant and between pixels, whatever the size."""
+    matrix = np.array([[1, 0.1, 0], [0.05, 0.3, 6], [0.03, 0.11, -1.003]])
     scale = np.diag([side / 16, side / 16, 1])
     return scale @ matrix @ np.linalg.inv(scale)
 
 
-def benign(inputs: Images, values: Values) -> Call:
-    """The same filter and border where nothing is far."""
-    pixels = inputs["image"]
-    asked = {"matrix": perspective(pixels.height).tolist(), "border": values["border"], **FAR[values["border"]]}
-    return lambda: lichen.run("homography", pixels, **asked).image.pixels
+def to_the_horizon(border: str, method: str, side: int = 512, **further: float) -> Row:
+    """Beside the same filter and border where nothing is far."""
+    asked = {"method": method, **further}
 
+    def benign(inputs: Images, values: Values) -> Call:
+        pixels = inputs["image"]
+        view = {"matrix": perspective(pixels.height).tolist(), "border": border, **asked}
+        return lambda: lichen.run("homography", pixels, **view).image.pixels
 
-FAR: dict[str, dict[str, Any]] = {
-    "clamp": {"method": "ewa", "samples": 1}, "wrap": {"method": "ewa", "samples": 1}, "reflect": {"method": "bicubic"},
-}  # fmt: skip
-"""What is measured to the horizon, by the border."""
-
-
-def to_the_horizon(border: str) -> Row:
+    said = ", ".join([method, *(f"{name} {each:g}" for name, each in further.items()), border])
     return Row(
-        f"homography to the horizon, {FAR[border]['method']}, {border}, 512 px", "homography",
+        f"homography to the horizon, {said}, {side} px", "homography",
         lambda side: {"matrix": horizon(side).tolist(), "inverse": True, "border": border},
-        (Peer("the same, a benign view", benign, same=False, yardstick=True),), waves(4), FAR[border], side=512,
+        (Peer("the same, a benign view", benign, same=False, yardstick=True),), waves(4), asked, side=side,
         error_side=64,
     )  # fmt: skip
 
@@ -205,10 +201,12 @@ ROWS = (
     warp("homography", "bilinear", cv2.INTER_LINEAR),
     warp("homography", "bicubic", cv2.INTER_CUBIC),
     warp("homography", "lanczos3", cv2.INTER_LANCZOS4),
-    Row("homography, ewa, RGBA, 512 px", "homography", lambda side: {"matrix": perspective(side).tolist()}, (
-        Peer("OpenImageIO warp, lanczos3", oiio_warp, same=False),), waves(4), {"method": "ewa"}, error_side=128,
-        side=512),
-    *(to_the_horizon(border) for border in FAR),
+    Row("homography, ewa, RGBA", "homography", lambda side: {"matrix": perspective(side).tolist()}, (
+        Peer("OpenImageIO warp, lanczos3", oiio_warp, same=False),), waves(4), {"method": "ewa"}, error_side=128),
+    *(to_the_horizon(border, "ewa", samples=1) for border in ("clamp", "wrap", "reflect")),
+    *(to_the_horizon("wrap", "ewa", side, samples=1) for side in (64, 4096)),
+    to_the_horizon("wrap", "ewa", samples=4),
+    to_the_horizon("reflect", "bicubic"),
     warp("rotate", "bilinear", cv2.INTER_LINEAR),
     warp("rotate", "bicubic", cv2.INTER_CUBIC),
     Row("rotate, bicubic against splines, 512 px", "rotate", {"angle": TURN, "border": "clamp"}, (

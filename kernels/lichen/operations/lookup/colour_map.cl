@@ -2,7 +2,7 @@
 // that no line is drawn over in floats.
 //
 // WRAP: 0 clamp, 1 repeat, 2 mirror. BANDS 1: nearest entry. CONTOURS 1: lines are drawn. MADE channels of the palette;
-// where they are four or fewer, an entry takes four numbers and is one vector.
+// where they are four or fewer, an entry is one vector of four numbers, and the next entry stands behind it once more.
 // `n` holds low, range, spacing, offset, line width, then the line's colour. A work-item does 64 pixels of a row:
 // where each falls is found for all of them in full vectors, then entries are fetched pixel by pixel.
 
@@ -25,13 +25,23 @@ kernel void map(global const float *restrict in, global const float *restrict pa
     int from = get_global_id(0) * SEGMENT, row = get_global_id(1);
     if (row >= rows || from >= columns)
         return;
-    int count = min(SEGMENT, columns - from), cell[SEGMENT], after[SEGMENT];
-    double part[SEGMENT]; // NaN where there is no value, which makes every channel so
+    int count = min(SEGMENT, columns - from), cell[SEGMENT];
+#if MADE <= 4 && !CONTOURS
+    float part[SEGMENT];
+#else
+    double part[SEGMENT];
+#endif
+    // NaN where there is no value, which makes every channel so
     global const float *line = in + (size_t)row * columns * channels + channel;
     double low = n[0], range = n[1], steps = BANDS ? entries : entries - 1;
     int last = max(BANDS ? entries - 1 : entries - 2, 0);
+    float values[SEGMENT];
+    if (channels == 1 && count == SEGMENT)
+        EACH values[i] = line[from + i];
+    else
+        EACH values[i] = line[(size_t)min(from + i, columns - 1) * channels];
     EACH {
-        double t = ((double)line[(size_t)min(from + i, columns - 1) * channels] - low) / range;
+        double t = ((double)values[i] - low) / range;
 #if WRAP == 0
         t = t < 0.0 ? 0.0 : t;
         t = t > 1.0 ? 1.0 : t;
@@ -45,9 +55,8 @@ kernel void map(global const float *restrict in, global const float *restrict pa
         int at = (int)place;
         at = at < last ? at : last;
         cell[i] = at > 0 ? at : 0;
-        after[i] = min(cell[i] + 1, entries - 1);
         double rest = BANDS ? 0.0 : place - cell[i];
-        part[i] = t != t ? (double)NAN : rest;
+        part[i] = t != t ? NAN : rest;
     }
 #if CONTOURS
     double covers[SEGMENT];
@@ -66,11 +75,11 @@ kernel void map(global const float *restrict in, global const float *restrict pa
     // Pixels of fewer channels are written as four, one over the end of the other, and go out as whole lines.
     float made[SEGMENT * MADE + 4];
     for (int i = 0; i < count; i++) {
+        float8 both = vload8(cell[i], palette);
 #if !CONTOURS
-        float4 here = vload4(cell[i], palette), next = vload4(after[i], palette);
-        vstore4(fma((float4)((float)part[i]), next - here, here), 0, made + i * MADE);
+        vstore4(fma((float4)(part[i]), both.hi - both.lo, both.lo), 0, made + i * MADE);
 #else
-        double4 here = convert_double4(vload4(cell[i], palette)), next = convert_double4(vload4(after[i], palette));
+        double4 here = convert_double4(both.lo), next = convert_double4(both.hi);
         double4 colour = here + part[i] * (next - here);
         double4 drawn = (double4)(n[5], MADE > 1 ? n[6] : 0.0, MADE > 2 ? n[7] : 0.0, MADE > 3 ? n[8] : 0.0);
         colour = colour + covers[i] * (drawn - colour);
@@ -86,7 +95,8 @@ kernel void map(global const float *restrict in, global const float *restrict pa
 #else
     for (int i = 0; i < count; i++)
         for (int c = 0; c < MADE; c++) {
-            double here = palette[(size_t)cell[i] * MADE + c], next = palette[(size_t)after[i] * MADE + c];
+            int after = min(cell[i] + 1, entries - 1);
+            double here = palette[(size_t)cell[i] * MADE + c], next = palette[(size_t)after * MADE + c];
             double colour = here + part[i] * (next - here);
 #if CONTOURS
             colour = colour + covers[i] * (n[5 + c] - colour);

@@ -271,6 +271,12 @@ def _range(low: float, high: float) -> float:
     return high - low if high != low else 1.0
 
 
+def _in_pairs(palette: Array) -> Array:
+    """Each entry and the one after it, side by side as vectors of four."""
+    wide = np.pad(palette, ((0, 1), (0, 4 - palette.shape[1])), mode="edge")
+    return aligned(np.concatenate([wide[:-1], wide[1:]], axis=1))
+
+
 @colour_map.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
     return _mapped(inputs, p)
@@ -292,8 +298,8 @@ class Exact:
         image = inputs["image"]
         palette = aligned(inputs["palette"].pixels[0]) if "palette" in inputs else table(p.map)
         entries, made = palette.shape
-        if made < 4:  # an entry is one vector
-            palette = aligned(np.pad(palette, ((0, 0), (0, 4 - made))))
+        if made <= 4:
+            palette = _in_pairs(palette)
         low, high = p.ends(image.extent)
         line = np.resize(np.array(p.line), made)
         numbers = np.array([low, _range(low, high), p.spacing or 1.0, p.offset, p.line_width, *line])

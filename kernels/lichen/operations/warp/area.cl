@@ -103,12 +103,12 @@ inline void ask_next(const int *restrict column, const int *restrict line, const
     for (int i = 0; i < count; ++i) put(out, start + i, stride, channel, mixed(sharp[i], soft[i], blend[i]));
 
 #define SOME 16
-kernel void ewa(ARGUMENTS, float samples, float reach) {
+kernel void ewa(ARGUMENTS, float samples, float reach, float most) {
     BEGIN
     SHARP
     if (shrinking) {
         Ellipses at;
-        place(&at, x, y, &shapes, levels, samples, reach);
+        place(&at, x, y, &shapes, levels, samples, reach, most);
         Windows in;
         frame(&in, &at);
         const float limit = reach * reach;
@@ -182,7 +182,10 @@ kernel void ewa(ARGUMENTS, float samples, float reach) {
             const Picture taken = level_of(&picture, pyramid, sizes, at.level[i]);
             const int tiny = at.wide[i] <= TINY && at.tall[i] <= TINY;
             if (way[i] == 3 && (tiny || border < BORDER_RING)) {
-                soft[i] = tiny ? window_beyond(&taken, &at, &in, i, cut) : ellipse_across(&taken, &at, i, limit);
+                const int open_ = border == BORDER_CONSTANT || border == BORDER_CLAMP;
+                soft[i] = tiny    ? window_beyond(&taken, &at, &in, i, cut)
+                          : open_ ? ellipse_across(&taken, &at, i, limit)
+                                  : ellipse_repeated(&taken, &at, i, limit);
                 if (finite(soft[i])) continue;
             }
             soft[i] = ellipse_anywhere(&taken, &at, i, limit);

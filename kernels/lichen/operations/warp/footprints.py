@@ -69,9 +69,11 @@ class Ellipses(NamedTuple):
 
     def at_level(self, level: int) -> Ellipses:
         """In samples of a pyramid's level, less what its boxes of 2^level samples have averaged already: a Gaussian of
-        shape V has the variance V / 4, a box that of its width squared over 12."""
+        shape V has the variance V / 4, a box that of its width squared over 12. No axis is taken shorter than one
+        sample there either."""
         share, done = 4.0**-level, (1 - 4.0**-level) / 3
-        return self._replace(major=self.major * share - done, minor=self.minor * share - done)
+        major, minor = (np.maximum(each * share - done, 1) for each in (self.major, self.minor))
+        return self._replace(major=major, minor=minor)
 
     def inverse(self) -> tuple[Doubles, Doubles, Doubles]:
         """V^-1 as its xx, xy and yy."""

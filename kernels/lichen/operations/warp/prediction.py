@@ -125,3 +125,9 @@ POINTS = Knob("points", (2.0, 4.0, 8.0), "samples along each axis of an ellipse"
 def reach_of(samples: float) -> float:
     """The radius at which an ellipse of so many samples is cut; truth cuts at 3."""
     return min(2 + math.log2(samples) / 2, 3.0)
+
+
+def most_of(samples: float) -> float:
+    """The largest product of an ellipse's half axes on the level it is taken from, so that it holds no more than
+    448 samples^4 of it: what is longer is taken from a coarser one."""
+    return 448 * samples**4 / (math.pi * reach_of(samples) ** 2)

@@ -35,6 +35,8 @@ from lichen.operations.warp.maps import Map, Places
 
 REACH = 3.0
 """Radius at which truth cuts its ellipses."""
+THIN = 1.5
+"""Half an axis, in samples, that bounds how long the other may be."""
 BAND = 1 << 16
 """Output pixels worked on at once."""
 CHUNK = 1 << 20
@@ -178,14 +180,14 @@ def distant(source: Source, at: Places, ellipses: Ellipses) -> Doubles:
     return made
 
 
-def ellipse_average(levels: Sequence[Array], source: Source, reach: float, samples: float) -> Callable[
+def ellipse_average(levels: Sequence[Array], source: Source, reach: float, samples: float, most: float) -> Callable[
     [Places, Ellipses], Doubles
 ]:  # fmt: skip
-    """E by samples of a pyramid: of the level on which the shorter half axis is `samples` to twice as many long."""
+    """E by samples of a pyramid, of the level that `level_of` says."""
 
     def average(at: Places, ellipses: Ellipses) -> Doubles:
         x, y = source.fold(at.x, at.y)
-        level = level_of(ellipses, samples, len(levels))
+        level = level_of(ellipses, samples, most, len(levels))
         out = np.zeros((len(x), source.pixels.shape[2]))
         for one in np.unique(level):
             which = level == one
@@ -198,10 +200,14 @@ def ellipse_average(levels: Sequence[Array], source: Source, reach: float, sampl
     return average
 
 
-def level_of(ellipses: Ellipses, samples: float, count: int) -> Whole:
-    """The pyramid's level that an ellipse is taken from, of `count`."""
-    wanted = np.floor(np.log2(np.sqrt(ellipses.minor) / samples))
-    return np.clip(wanted, 0, count - 1).astype(np.int64)
+def level_of(ellipses: Ellipses, samples: float, most: float, count: int) -> Whole:
+    """Of `count` levels of a pyramid, that on which an ellipse's shorter half axis is `samples` to twice as many long;
+    or a coarser one, until the product of both, the shorter counted as `THIN` at least, is no more than `most`."""
+    along, thin = np.sqrt(ellipses.major), np.sqrt(ellipses.minor)
+    least = np.maximum(np.sqrt(along * thin / most), THIN * along / most)
+    wanted = np.floor(np.log2(np.maximum(thin / samples, 2 * least)))
+    made: Whole = np.clip(wanted, 0, count - 1).astype(np.int64)
+    return made
 
 
 def _gathered(source: Source, x: Doubles, y: Doubles, shape: Ellipses, reach: float) -> Doubles:
@@ -238,7 +244,7 @@ def _boxes(source: Source, x: Doubles, y: Doubles, shape: Ellipses, reach: float
 
 def truth_sampler(source: Source, at: Places) -> Doubles:
     """The definition."""
-    return filtered(source, at, ellipse_average([source.pixels], source, REACH, 1.0))
+    return filtered(source, at, ellipse_average([source.pixels], source, REACH, 1.0, np.inf))
 
 
 def mipmapped(levels: Sequence[Array]) -> Sampler:

@@ -10,8 +10,9 @@ The filters are the methods, from the cheapest to the most accurate:
 * `supersampled` takes points x points bilinear samples where the map shrinks, over the ellipse that truth averages:
   enough where it shrinks by less than points / 3, and an alias of it beyond.
 * `ewa` takes all samples in the ellipse, of the level of a pyramid of box means on which the shorter half axis is
-  `samples` to twice as many samples long, up to a radius of 2 + log2(samples) / 2: work that depends on how slanted a
-  footprint is, not on how large.
+  `samples` to twice as many samples long, up to a radius of 2 + log2(samples) / 2; one that would hold more than
+  448 samples^4 there is taken from a coarser level. So work depends on how slanted a footprint is, not on how large,
+  and is bounded.
 
 Their errors stand in `prediction`.
 """
@@ -57,6 +58,7 @@ from lichen.operations.warp.prediction import (
     Size,
     check_size,
     error_of,
+    most_of,
     reach_of,
     result_facts,
 )
@@ -349,12 +351,12 @@ def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
         def opencl(device: Device, inputs: Inputs, p: P, knob: float) -> Array:
             if not device.has_fp64:
                 return Ewa.numpy(inputs, p, knob)
-            cut = np.float32(knob), np.float32(reach_of(knob))
+            cut = (np.float32(each) for each in (knob, reach_of(knob), most_of(knob)))
             source, size = warp.source(inputs, p), warp.made_of(inputs, p)
             return averaged(device, source, warp.looks(p, inputs), size, "ewa", *cut, shallow=2 * knob)
 
         @staticmethod
         def numpy(inputs: Inputs, p: P, knob: float) -> Array:
             source = warp.source(inputs, p)
-            average = ellipse_average(pyramid(source), source, reach_of(knob), knob)
+            average = ellipse_average(pyramid(source), source, reach_of(knob), knob, most_of(knob))
             return aligned(warp.by(inputs, p, lambda s, at: filtered(s, at, average)))
