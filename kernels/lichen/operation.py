@@ -164,8 +164,12 @@ class Rate:
     kinds: Mapping[str, Rate] = field(default_factory=dict)
     """those of requests of one kind, where they are known apart (`lichen.kind`)"""
 
+    def of(self, kind: str) -> Rate:
+        """That of requests of one kind."""
+        return self.kinds.get(kind, self) if self.kinds else self
+
     def seconds(self, work: float, kind: str = "") -> float:
-        known = self.kinds.get(kind, self) if self.kinds else self
+        known = self.of(kind)
         return known.start + known.step * work
 
 

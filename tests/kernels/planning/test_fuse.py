@@ -59,7 +59,7 @@ def test_a_stage_does_what_its_method_does(
     for example in operation.examples[: 2 if channels == 4 else None]:
         parameters = operation.validate(example)
         name = operation.inputs[0].name
-        choice = Candidate(method.name, None, Told(Error(0.0, "bound")), 0.0)
+        choice = Candidate(method.name, None, Told(Error(0.0, "bound")))
         node = Node("a", operation, parameters, {name: "in"}, choice)
         if operation.check(parameters, {name: facts["in"]}):
             continue

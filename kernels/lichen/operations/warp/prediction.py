@@ -103,6 +103,13 @@ def error_of(method: str, p: Bordered, knob: float, facts: InputFacts, *, shrink
     return Error(apart + least, "bound", least, spread * typical(method, knob, shrinks=shrinks) + least)
 
 
+def least_of(method: str, p: Bordered, knob: float, facts: InputFacts, *, shrinks: bool) -> float:
+    """As `error_of`, at least and usually, rounding aside."""
+    low, high = value_range(facts["image"], p)
+    exact = method in ("lanczos3", "supersampled", "ewa") and not shrinks
+    return 0.0 if exact else (high - low) * typical(method, knob, shrinks=shrinks)
+
+
 def shears_error(p: Bordered, size: float, facts: InputFacts) -> Error:
     """Of three passes by a kernel of that radius; a result rounded once from float64."""
     image = facts["image"]

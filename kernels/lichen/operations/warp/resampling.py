@@ -57,6 +57,7 @@ from lichen.operations.warp.prediction import (
     Size,
     check_size,
     error_of,
+    least_of,
     reach_of,
     result_facts,
 )
@@ -266,6 +267,7 @@ def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Ra
     operation.method(
         kernel.name,
         error=lambda p, knob, facts: error_of(kernel.name, p, knob, facts, shrinks=warp.shrinks(p, facts)),
+        least=lambda p, knob, facts: least_of(kernel.name, p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts),
         rates={"opencl": rate, "numpy": Rate(3e-4, 1e-7 * kernel.taps**2)},
         scratch=8.3 if prefiltered else 0.1,
@@ -288,6 +290,7 @@ def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
         "mip",
         scratch=0.4,
         error=lambda p, knob, facts: error_of("mip", p, knob, facts, shrinks=warp.shrinks(p, facts)),
+        least=lambda p, knob, facts: least_of("mip", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts) + facts["image"].samples / 4,
         rates={"opencl": Rate(1.5e-3, 1.4e-8), "numpy": Rate(2e-3, 6e-7)},
     )
@@ -312,6 +315,7 @@ def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
         scratch=0.1,
         knob=POINTS,
         error=lambda p, knob, facts: error_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
+        least=lambda p, knob, facts: least_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: _work(warp, p, facts) * (8 + (knob**2 if warp.shrinks(p, facts) else 0)),
         rates={"opencl": Rate(6e-4, 3.7e-9), "numpy": Rate(2e-3, 2.5e-7)},
     )
@@ -337,6 +341,7 @@ def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
         scratch=0.4,
         knob=SAMPLES,
         error=lambda p, knob, facts: error_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
+        least=lambda p, knob, facts: least_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: (
             _work(warp, p, facts) * (8 + (8 * knob * reach_of(knob) ** 2 if warp.shrinks(p, facts) else 0))
         ),
