@@ -119,6 +119,10 @@ class Warp(Generic[P]):
     def source(self, inputs: Inputs, p: P) -> Source:
         return Source(inputs["image"].pixels, self.closed(p) or p.border, p.value)
 
+    def preparing(self, p: P, facts: InputFacts) -> float:
+        """What it takes to make the source ready, in pixels of the result."""
+        return 0.0
+
     def extent_of(self, inputs: Inputs, p: P) -> Size:
         """Of the whole result."""
         place = place_of(p)
@@ -238,6 +242,10 @@ def _work(warp: Warp[P], p: P, facts: InputFacts) -> float:
     return width * height * -(-facts["image"].channels // 4)
 
 
+AVERAGED = 8
+"""Steps that a pixel takes beside the samples of its ellipse, where steps are samples."""
+
+
 def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Rate) -> None:
     prefiltered = kernel is kernels.BSPLINE
 
@@ -268,7 +276,7 @@ def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Ra
         kernel.name,
         error=lambda p, knob, facts: error_of(kernel.name, p, knob, facts, shrinks=warp.shrinks(p, facts)),
         least=lambda p, knob, facts: least_of(kernel.name, p, knob, facts, shrinks=warp.shrinks(p, facts)),
-        work=lambda p, knob, facts: _work(warp, p, facts),
+        work=lambda p, knob, facts: _work(warp, p, facts) + warp.preparing(p, facts),
         rates={"opencl": rate, "numpy": Rate(3e-4, 1e-7 * kernel.taps**2)},
         scratch=8.3 if prefiltered else 0.1,
     )(ByKernel)
@@ -291,7 +299,7 @@ def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
         scratch=0.4,
         error=lambda p, knob, facts: error_of("mip", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         least=lambda p, knob, facts: least_of("mip", p, knob, facts, shrinks=warp.shrinks(p, facts)),
-        work=lambda p, knob, facts: _work(warp, p, facts) + facts["image"].samples / 4,
+        work=lambda p, knob, facts: _work(warp, p, facts) + warp.preparing(p, facts) + facts["image"].samples / 4,
         rates={"opencl": Rate(1.5e-3, 1.4e-8), "numpy": Rate(2e-3, 6e-7)},
     )
     class Mip:
@@ -316,7 +324,10 @@ def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
         knob=POINTS,
         error=lambda p, knob, facts: error_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         least=lambda p, knob, facts: least_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
-        work=lambda p, knob, facts: _work(warp, p, facts) * (8 + (knob**2 if warp.shrinks(p, facts) else 0)),
+        work=lambda p, knob, facts: (
+            _work(warp, p, facts) * (AVERAGED + (knob**2 if warp.shrinks(p, facts) else 0))
+            + AVERAGED * warp.preparing(p, facts)
+        ),
         rates={"opencl": Rate(6e-4, 3.7e-9), "numpy": Rate(2e-3, 2.5e-7)},
     )
     class Supersampled:
@@ -343,7 +354,9 @@ def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
         error=lambda p, knob, facts: error_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         least=lambda p, knob, facts: least_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: (
-            _work(warp, p, facts) * (8 + (8 * knob * reach_of(knob) ** 2 if warp.shrinks(p, facts) else 0))
+            _work(warp, p, facts) * (AVERAGED + (8 * knob * reach_of(knob) ** 2 if warp.shrinks(p, facts) else 0))
+            + AVERAGED * warp.preparing(p, facts)
+            + facts["image"].samples / 2
         ),
         rates={"opencl": Rate(1.5e-3, 6.5e-10), "numpy": Rate(3e-3, 2e-7)},
     )
