@@ -205,6 +205,9 @@ class Method(Generic[P]):
     scratch: float | None = None
     """what it takes for itself while it runs on OpenCL, in float32 pictures as large as the largest that it reads or
     makes, as measured; None: nothing where the operation is pointwise, else one"""
+    body: str = ""
+    """a name for what runs: methods of an operation that have the same take the same time for a step of their work, and
+    are timed together, so that how they compare is not left to chance. Without one it runs what no other does."""
     least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0
     """what its error is at least, and its usual one, rounding aside: known at once where `error` takes long to prove,
     so that methods that cannot be accurate enough need not be asked"""
@@ -318,6 +321,7 @@ class Operation(Generic[P]):
         unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None,
         stage: Callable[[P, InputFacts], Stage | None] = no_stage,
         scratch: float | None = None,
+        body: str = "",
         least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
@@ -325,7 +329,7 @@ class Operation(Generic[P]):
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
             self.methods[name] = Method(
-                name, description, implementation, error, work, rates, knob, unfit, stage, scratch, least
+                name, description, implementation, error, work, rates, knob, unfit, stage, scratch, body, least
             )
             return implementation
 

@@ -263,7 +263,8 @@ def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Arr
     knob=Knob("order", (2, 4, 6, 8), "exponentials in the response", 2, 8),
     error=base.recursive_error(base.deriche_filters),
     least=base.least_error("deriche"),
-    work=base.recursive_work(base.deriche_extents),
+    work=base.deriche_work,
+    body="recursive",
     rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
     unfit=base.recursive_unfit,
 )
@@ -286,7 +287,8 @@ class Deriche:
     knob=Knob("poles", (3, 4, 5), "poles of the all-pole filter", 3, 5),
     error=base.recursive_error(base.vliet_young_filters),
     least=base.least_error("vliet-young"),
-    work=base.recursive_work(base.vliet_young_extents),
+    work=base.vliet_young_work,
+    body="recursive",
     rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
     unfit=base.vliet_young_unfit,
 )

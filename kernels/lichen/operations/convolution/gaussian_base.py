@@ -261,37 +261,30 @@ def recursive_error(filters: Filters) -> Callable[[Parameters, float, InputFacts
     return error
 
 
-def deriche_extents(p: Parameters, order: float) -> tuple[Extent, Extent]:
-    """Of `deriche_filters`."""
-    down, across = _within(p, 1e-2)
-    return deriche_extent(down, int(order) // 2 * 2), deriche_extent(across, int(order) // 2 * 2)
+PASSED = 80.0
+"""Multiply-adds that take as long as moving a sample through one pass along lines."""
 
 
-def vliet_young_extents(p: Parameters, order: float) -> tuple[Extent, Extent]:
-    """Of `vliet_young_filters`."""
-    down, across = _within(p, NARROWEST)
-    return vliet_young_extent(down, int(order)), vliet_young_extent(across, int(order))
+Extent = Callable[[float, int], tuple[int, int]]
+"""The reach of a filter of some deviation and order, and how many poles it has."""
 
 
-Extent = tuple[int, int]
-"""The reach of a filter, and how many poles it has."""
-Extents = Callable[[Parameters, float], tuple[Extent, Extent]]
-
-
-def recursive_work(extents: Extents) -> Callable[[Parameters, float, InputFacts], float]:
-    """Steps of the states, beside what it takes to read, turn and write the image twice; and sums before each line."""
+def recursive_work(extent: Extent, even: int = 1, low: float = NARROWEST) -> Callable[..., float]:
+    """Steps of the states, beside what it takes to read, turn and write the image twice; and sums before each line.
+    Orders are multiples of `even`, deviations at least `low`."""
 
     def work(p: Parameters, order: float, facts: InputFacts) -> float:
-        image, total = facts["image"], 0.0
-        for (reach, poles), side in zip(extents(p, order), (image.height, image.width), strict=True):
-            total += image.samples * (PASSED + poles * (12 + 26 * min(reach / side, 1.0)))
-        return total
+        total, whole = 0.0, int(order) // even * even
+        for sigma, side in asked(p, facts).sides:
+            reach, poles = extent(min(max(sigma, low), RECURSIVE), whole)
+            total += PASSED + poles * (12 + 26 * min(reach / side, 1.0))
+        return facts["image"].samples * total
 
     return work
 
 
-PASSED = 80.0
-"""Multiply-adds that take as long as moving a sample through one pass along lines."""
+deriche_work = recursive_work(deriche_extent, 2, 1e-2)
+vliet_young_work = recursive_work(vliet_young_extent)
 
 
 APART: Mapping[str, Mapping[float, float]] = {
@@ -344,8 +337,6 @@ def boxes_error(p: Parameters, extended: float, facts: InputFacts) -> Error:
 
 
 def boxes_work(p: Parameters, extended: float, facts: InputFacts) -> float:
-    image = facts["image"]
-    beyond = sum(
-        2 * each.reach / side for each, side in zip(both_boxes(p, extended), (image.height, image.width), strict=True)
-    )
-    return image.samples * (2 + beyond / 3) * (PASSED + 16)
+    widths = [(boxes(min(sigma, RECURSIVE), extended >= 0.5), side) for sigma, side in asked(p, facts).sides]
+    beyond = sum(2 * each.reach / side for each, side in widths)
+    return facts["image"].samples * (2 + beyond / 3) * (PASSED + 16)

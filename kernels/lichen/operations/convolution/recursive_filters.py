@@ -134,12 +134,14 @@ def deriche(sigma: float, order: int) -> Filter:
     return Filter.of(np.exp(-exponents / sigma), weights)
 
 
+@lru_cache(maxsize=256)
 def deriche_extent(sigma: float, order: int) -> tuple[int, int]:
     """The reach of that filter, and how many poles it has, without making it."""
     exponents = [exponent.real for _, exponent in _EXPONENTIALS[order]]
     return _forgotten(-min(exponents) / sigma), len(exponents)
 
 
+@lru_cache(maxsize=256)
 def vliet_young_extent(sigma: float, order: int) -> tuple[int, int]:
     """As `deriche_extent`."""
     slowest = min(abs(each) for each in _PROTOTYPES[order])
