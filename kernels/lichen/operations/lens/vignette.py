@@ -117,7 +117,7 @@ class Lens:
 
 
 @lru_cache(maxsize=256)
-def _tabled(lens: Lens, entries: int) -> tuple[float, float]:
+def tabled(lens: Lens, entries: int) -> tuple[float, float]:
     """The largest error at 16 places between two entries, and a tenth more for what lies between those; and the largest
     step between two entries. Of a long table, it is looked for where it is among the largest half way, and where the
     gain comes to its limit: elsewhere it bends steadily."""
@@ -155,7 +155,7 @@ def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 
 def _tabled_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     entries, image = round(knob), facts["image"].extent.magnitude
-    apart, steepest = _tabled(_lens(p, facts), entries)
+    apart, steepest = tabled(_lens(p, facts), entries)
     off = apart + 4 * ROUNDING * entries * steepest  # a place in the table is off by a few roundings of its number
     rounding = _rounding(p, facts)
     return Error(min(off * image + rounding, FLOAT_MAX), "estimate", rounding)

@@ -178,7 +178,7 @@ def _part(p: Parameters, facts: InputFacts, wanted: Rectangle) -> Part:
 
 
 @lru_cache(maxsize=128)
-def _apart(before: int, after: int, name: str, border: Border) -> tuple[float, float]:
+def apart(before: int, after: int, name: str, border: Border) -> tuple[float, float]:
     """Largest sum, and mean root of squares, of the differences between a method's weights and truth's."""
     one, other = table(before, after, name, border), table(before, after, "lanczos3", border)
     # No row takes samples that lie further apart than this, counted round where the border is periodic.
@@ -194,16 +194,16 @@ def _apart(before: int, after: int, name: str, border: Border) -> tuple[float, f
         for each, sign in ((one, 1.0), (other, -1.0)):
             places = at + (each.index[some] - first[some]) % before
             dense += sign * np.bincount(places.ravel(), each.weights[some].ravel(), size)
-        apart, constant = dense.reshape(-1, width), one.constant[some] - other.constant[some]
-        largest = max(largest, float((np.abs(apart).sum(axis=1) + np.abs(constant)).max()))
-        squares += float(np.square(apart).sum() + np.square(constant).sum())
+        off, constant = dense.reshape(-1, width), one.constant[some] - other.constant[some]
+        largest = max(largest, float((np.abs(off).sum(axis=1) + np.abs(constant)).max()))
+        squares += float(np.square(off).sum() + np.square(constant).sum())
     return largest, math.sqrt(squares / after)
 
 
 APART: Mapping[str, float] = {
     "nearest": 0.25, "box": 0.15, "triangle": 0.14, "bicubic": 0.065, "mitchell": 0.12, "lanczos2": 0.06,
 }  # fmt: skip
-"""By method: the mean of `_apart` at least along an axis that has 8 samples or more before and after, over the root of
+"""By method: the mean of `apart` at least along an axis that has 8 samples or more before and after, over the root of
 how much it shrinks."""
 
 
@@ -225,11 +225,11 @@ def error(name: str, p: Parameters, knob: float, facts: InputFacts) -> Error:
         return Error(least, "bound", least)
     before, after = _sizes(p, image)
     true_down = table(before[1], after[1], "lanczos3", p.border)
-    wide, wide_rms = _apart(before[0], after[0], name, p.border)
-    tall, tall_rms = _apart(before[1], after[1], name, p.border)
-    apart = wide * true_down.gain + across.gain * tall
-    typical = min(0.2 * math.hypot(wide_rms, tall_rms), apart / 2)
-    return Error((high - low) / 2 * apart + least, "bound", least, (high - low) * typical + least)
+    wide, wide_rms = apart(before[0], after[0], name, p.border)
+    tall, tall_rms = apart(before[1], after[1], name, p.border)
+    off = wide * true_down.gain + across.gain * tall
+    typical = min(0.2 * math.hypot(wide_rms, tall_rms), off / 2)
+    return Error((high - low) / 2 * off + least, "bound", least, (high - low) * typical + least)
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
