@@ -52,6 +52,7 @@ _EXPONENTIALS = {
     ),
 }
 """By the number of exponentials: pairs (a, d) of exp(-x^2 / 2) = Re sum of a exp(-d x), the conjugates merged."""
+_FITTED = {order: np.array(pairs).T for order, pairs in _EXPONENTIALS.items()}
 
 _PROTOTYPES = {
     3: (1.4165 + 1.00829j, 1.86543 + 0j),
@@ -96,9 +97,8 @@ class Filter:
         return self._whole[:count].copy() if count <= len(self._whole) else self._response(count)
 
     def _response(self, count: int) -> npt.NDArray[np.float64]:
-        with np.errstate(divide="ignore"):
-            logs = np.log(self.poles)
-        powers = np.exp(np.multiply.outer(np.arange(count), np.where(np.isfinite(logs), logs, -1e300)))
+        logs = np.log(np.where(self.poles == 0, 1e-300, self.poles))
+        powers = np.exp(np.multiply.outer(np.arange(count), logs))
         made: npt.NDArray[np.float64] = (powers @ self.weights).real
         return made
 
@@ -118,19 +118,19 @@ def rounding(filtered: Filter, block: int) -> float:
     from the smallest weight on. The result adds two parts of every state of both ends, by rounded weights; where it
     is computed in blocks, `block` products more.
     """
-    damped = 1 / (1 - np.abs(filtered.poles))
-    turned = (1 + np.abs(filtered.poles.imag)) * damped
-    step = np.hypot(turned + 1, turned)
-    state = (step + 2 * damped + 2) * damped
-    gain = np.abs(filtered.weights)
-    adding = (8 * len(filtered.poles) + 4) * float(gain @ damped)
-    return 1.01 * ROUNDING * (2 * float(gain @ state) + adding + block * filtered.gain)
+    poles, total = filtered.poles.tolist(), 0.0
+    for pole, weight in zip(poles, filtered.weights.tolist(), strict=True):
+        damped = 1 / (1 - abs(pole))
+        turned = (1 + abs(pole.imag)) * damped
+        state = (math.hypot(turned + 1, turned) + 2 * damped + 2) * damped
+        total += abs(weight) * (2 * state + (8 * len(poles) + 4) * damped)
+    return 1.01 * ROUNDING * (total + block * filtered.gain)
 
 
 @lru_cache(maxsize=256)
 def deriche(sigma: float, order: int) -> Filter:
     """`order` 2, 4, 6 or 8."""
-    weights, exponents = np.array(_EXPONENTIALS[order]).T
+    weights, exponents = _FITTED[order]
     return Filter.of(np.exp(-exponents / sigma), weights)
 
 
