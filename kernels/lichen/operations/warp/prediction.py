@@ -13,6 +13,7 @@ from typing import Protocol
 
 from lichen.errors import Flaw
 from lichen.image import Extent
+from lichen.once import latest
 from lichen.operation import ROUNDING, Error, Facts, InputFacts, Knob
 from lichen.operations.warp import kernels
 from lichen.operations.warp.shears import line_kernel
@@ -67,6 +68,7 @@ class Bordered(Protocol):
     def value(self) -> float: ...
 
 
+@latest
 def value_range(facts: Facts, p: Bordered) -> tuple[float, float]:
     """Lowest and highest value that takes part; the background always may."""
     return min(facts.extent.low, p.value), max(facts.extent.high, p.value)

@@ -29,6 +29,7 @@ from pydantic import Field
 from lichen.errors import Flaw
 from lichen.image import Alpha
 from lichen.memory import Array, aligned
+from lichen.once import latest
 from lichen.opencl.device import Device
 from lichen.operation import (
     WHOLE,
@@ -236,6 +237,7 @@ def declare(
     return operation
 
 
+@latest
 def _work(warp: Warp[P], p: P, facts: InputFacts) -> float:
     """Pixels of the result, in blocks of four channels."""
     width, height = warp.made(p, facts)
