@@ -4,12 +4,11 @@ What a mask or another border costs beside the plain request hardly depends on t
 of every method takes many minutes. So that comparison belongs to the code, as the error table does: rates by backend,
 operation, method and kind (`lichen.kind`), and what the tasks of `lichen.calibration.pace` took beside them.
 
-On another machine everything takes so much more or less as the tasks do, in general, and what an operation's methods
-have in common with one another differs from that. The runs of one kind tell by how much the constant cost and the steps
-of a method differ again, but with few short runs they scatter by a quarter themselves. So half of what they tell, on a
-scale of decades, is believed, and a quarter of what sets a method apart from the others of its operation: which of them
-is the quickest is known better from the table. Of 200 random requests foretold after a quick calibration on the machine
-of the table, half of the runs foretold 82 % within a factor of 1.5, the runs alone 78 %, the table alone 78 %.
+On another machine everything takes so much more or less as the tasks do, in general. The runs of one kind tell by how
+much the constant cost and the steps of a method differ from that, but with few short runs they scatter by a quarter
+themselves; so half of what they tell, on a scale of decades, is believed. Of 200 random requests foretold after a quick
+calibration on the machine of the table that foretold 82 % within a factor of 1.5, the runs alone 78 %, the table alone
+78 %.
 
 `lichen calibrate --kinds` writes the table from what a thorough calibration has found.
 """
@@ -28,8 +27,8 @@ from lichen.calibration.fit import Sample, fit
 from lichen.operation import Rate
 
 NAME = "kinds.json"
-BELIEVED, APART = 0.5, 0.25
-"""The share of what a few runs tell, as a power of it: of an operation, and of a method beside the others."""
+BELIEVED = 0.5
+"""The share of what a few runs tell, as a power of it."""
 SHOWN = 0.25
 """The share of the shortest run that a constant cost must be, for its own ratio to be told from runs."""
 PLAIN = ""
@@ -52,44 +51,19 @@ def general(backend: str, usual: Sequence[float]) -> float:
     return math.exp(sum(math.log(now / then) for now, then in zip(usual, told, strict=True)) / len(told))
 
 
-def ratio(kinds: Kinds, measured: str, samples: Sequence[Sample]) -> float | None:
-    """How many times as long as in the table requests of the kind `measured` take; None where that is not known."""
-    base = kinds.get(measured) or kinds.get(PLAIN)
-    if base is None:
-        return None
-    both = fit([Sample(base.seconds(each.work), each.seconds) for each in samples], Rate(0.0, 1.0))
-    middle = base.seconds(max(each.work for each in samples))
-    return both.seconds(middle) / middle
-
-
-def believed(general: float, ratios: Sequence[float]) -> float:
-    """How many times as long as in the table an operation takes, by the ratios of its methods: what a method is to
-    differ from, of which `APART` is believed.
-
-    >>> common = believed(1.0, [2.0, 8.0])
-    >>> [round(common * (each / common) ** APART, 2) for each in (2.0, 4.0, 8.0)]  # of 4, half is believed
-    [1.68, 2.0, 2.38]
-    """
-    if not ratios:
-        return general
-    mean = math.exp(math.fsum(map(math.log, ratios)) / len(ratios))
-    # (1 - APART) of the result and APART of a method's own ratio are BELIEVED of the mean where methods agree.
-    return general * math.pow(mean / general, (BELIEVED - APART) / (1 - APART))
-
-
 def compared(kinds: Kinds, measured: str, samples: Sequence[Sample], general: float = 1.0) -> dict[str, Rate]:
     """The rates of all kinds on a machine where one of them, `measured`, took the samples; nothing where that one is
-    not known. `general` is what `believed` says of the operation.
+    not known.
 
     >>> told = {"plain": Rate(1e-3, 1e-9), "masked": Rate(2e-3, 5e-9)}
     >>> runs = [Sample(work, 2e-3 + 4e-9 * work) for work in (1e4, 1e7)]
     >>> {kind: f"{rate.start:.2g} {rate.step:.2g}" for kind, rate in compared(told, "plain", runs, 2.0).items()}
-    {'plain': '0.002 2.4e-09', 'masked': '0.004 1.2e-08'}
+    {'plain': '0.002 2.8e-09', 'masked': '0.004 1.4e-08'}
     """
     base = kinds.get(measured) or kinds.get(PLAIN)
     if base is None:
         return {}
-    start, step = (general * (each / general) ** APART for each in _ratios(base, samples))
+    start, step = (general * (each / general) ** BELIEVED for each in _ratios(base, samples))
     return {kind: Rate(start * each.start, step * each.step) for kind, each in kinds.items()}
 
 
@@ -101,8 +75,9 @@ def _ratios(base: Rate, samples: Sequence[Sample]) -> tuple[float, float]:
     told = [base.start >= SHOWN * base.seconds(shortest), base.step * longest >= SHOWN * base.seconds(longest)]
     if all(told) and found.start > 0:
         return found.start / base.start, found.step / base.step
-    both = ratio({PLAIN: base}, PLAIN, samples)
-    assert both is not None
+    alone = fit([Sample(base.seconds(each.work), each.seconds) for each in samples], Rate(0.0, 1.0))
+    middle = base.seconds(longest)
+    both = alone.seconds(middle) / middle
     return both, both
 
 

@@ -30,7 +30,7 @@ from typing import Any
 
 from lichen.calibration.corpus import Case, typical
 from lichen.calibration.fit import Sample, fit
-from lichen.calibration.kinds import PLAIN, believed, compared, general, known, ratio
+from lichen.calibration.kinds import PLAIN, compared, general, known
 from lichen.calibration.pace import lower_quartile, pace
 from lichen.calibration.sweep import Setting, settings
 from lichen.catalogue import operation
@@ -268,8 +268,7 @@ class Timing:
             if kept:
                 own = runs.setdefault(self._alike(cell.method), {})
                 own.setdefault(cell.kind, []).append(Sample(cell.work, lower_quartile(kept)))
-        common = self._common(runs)
-        found = {names: self._rate(names[0], own, common) for names, own in runs.items()}
+        found = {names: self._rate(names[0], own) for names, own in runs.items()}
         return {(self.owner.name, name): rate for names, rate in found.items() for name in names}
 
     def _alike(self, name: str) -> tuple[str, ...]:
@@ -277,17 +276,7 @@ class Timing:
         body = self.owner.methods[name].body
         return tuple(each.name for each in self.owner.methods.values() if body and each.body == body) or (name,)
 
-    def _common(self, runs: Mapping[tuple[str, ...], Mapping[str, Sequence[Sample]]]) -> float:
-        """How many times as long as in the table of kinds the methods take."""
-        ratios = []
-        for names, own in runs.items():
-            kind, taken = next(iter(own.items()))
-            found = ratio(known(self.backend, self.owner.name, names[0]), kind, taken)
-            if found is not None:
-                ratios.append(found)
-        return believed(general(self.backend, pace(self.backend).usual), ratios)
-
-    def _rate(self, name: str, own: Mapping[str, Sequence[Sample]], common: float) -> Rate:
+    def _rate(self, name: str, own: Mapping[str, Sequence[Sample]]) -> Rate:
         """Of the methods that run what `name` does, by samples of each kind."""
         overall = fit([each for taken in own.values() for each in taken], self.owner.methods[name].rates[self.backend])
         if self.plan.kinds:
@@ -295,6 +284,6 @@ class Timing:
         else:
             kind, taken = next(iter(own.items()))
             told = known(self.backend, self.owner.name, name)
-            kinds = compared(told, kind, taken, common)
+            kinds = compared(told, kind, taken, general(self.backend, pace(self.backend).usual))
             overall = kinds.get(kind) or kinds.pop(PLAIN, overall)
         return Rate(overall.start, overall.step, kinds)

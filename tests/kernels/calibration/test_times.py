@@ -15,7 +15,7 @@ from lichen.accuracy import times
 from lichen.calibration.calibrate import Outcome, calibrate
 from lichen.calibration.corpus import typical
 from lichen.calibration.fit import Sample, fit, misses
-from lichen.calibration.kinds import NAME, PLAIN, believed, compared, general, known, ratio
+from lichen.calibration.kinds import NAME, PLAIN, compared, general, known
 from lichen.calibration.pace import Pace
 from lichen.calibration.timing import QUICK, THOROUGH, Cell, Plan, Timing, cells
 from lichen.calibration.turns import REPEATS, Effort, timed
@@ -160,13 +160,9 @@ def test_kinds_that_were_not_measured_are_known_by_one_that_was() -> None:
     for name, rate in told.items():
         assert (twice[name].start, twice[name].step) == pytest.approx((2 * rate.start, 2 * rate.step), rel=1e-3)
     runs = [Sample(work, 1e-3 + 12e-9 * work) for work in (1e3, 1e7)]
-    found = ratio(told, "small", runs)  # four times as slow as the table, of which half is believed
-    assert found == pytest.approx(4, rel=0.1)
-    slow = compared(told, "small", runs, believed(1.0, [found]))
+    slow = compared(told, "small", runs)  # four times as slow as the table, of which half is believed
     assert slow["masked"].seconds(1e9) == pytest.approx(2 * told["masked"].seconds(1e9), rel=0.1)
     assert compared(told, "unheard", runs) == {}
-    assert ratio(told, "unheard", runs) is None
-    assert believed(3.0, []) == 3.0
     alone = compared({PLAIN: told["plain"]}, "any", [Sample(work, told["plain"].seconds(work)) for work in (1e3, 1e7)])
     assert alone[PLAIN].step == pytest.approx(1e-9, rel=1e-3)
 
