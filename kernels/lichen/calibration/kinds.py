@@ -81,9 +81,9 @@ def _ratios(base: Rate, samples: Sequence[Sample]) -> tuple[float, float]:
     return both, both
 
 
-def save() -> Path:
-    """The table of this checkout, from the times of this machine. What was not measured stays as it is, and what was
-    measured is put down as it would be at the pace of the table."""
+def save(path: Path | None = None) -> Path:
+    """The table of this checkout, from the times of this machine, to `path` or its place. What was not measured stays
+    as it is, and what was measured is put down as it would be at the pace of the table."""
     told, paces = dict(_table()), dict(_paces())
     for backend in times.BACKENDS:
         slower = 1.0
@@ -100,7 +100,7 @@ def save() -> Path:
         json.dumps([*name, {kind: [_short(each.start), _short(each.step)] for kind, each in sorted(kinds.items())}])
         for name, kinds in sorted(told.items())
     ]
-    path = Path(__file__).with_name(NAME)
+    path = path or Path(__file__).with_name(NAME)
     path.write_text("[\n" + ",\n".join(lines) + "\n]\n")
     _listed.cache_clear()
     _table.cache_clear()
