@@ -28,7 +28,7 @@ from lichen.opencl.device import Device, default_device, status
 from lichen.opencl.extent import extent as device_extent
 from lichen.operation import Error, Facts
 from lichen.order import Order, Picture, read_order, read_pipeline_order
-from lichen.planning.graph import RESULT, Decision, Graph
+from lichen.planning.graph import RESULT, TRUTH, Decision, Graph
 from lichen.planning.hidden import thin
 from lichen.planning.pipeline import Pipeline
 from lichen.planning.plan import Plan
@@ -53,7 +53,7 @@ class Result:
     image: Image
     plan: Plan
     device: str
-    """opencl or numpy"""
+    """where the operation was computed, opencl or numpy: definitions are NumPy's"""
     timing: Mapping[str, float]
     """seconds by stage: `plan`, `kernel` and `kernel.<node>` for each node, `findings`, `verify`"""
     decisions: tuple[Decision, ...]
@@ -340,6 +340,13 @@ def _backend(device: Device | None) -> str:
     return "opencl" if device else "numpy"
 
 
+def _ran_on(device: Device | None, plan: Plan) -> str:
+    """Where what was asked for was computed, as `Plan.method` says how: not the conversions around it."""
+    asked = [node.choice for node in plan.graph.nodes if plan.request.target in ("", node.name)]
+    defined = plan.graph.precision is Precision.FLOAT64 or all(each and each.method == TRUTH for each in asked)
+    return "numpy" if asked and defined else _backend(device)
+
+
 def _prepared(read: Callable[[str], Order], named: str | None, decided: tuple[Decision, ...] = ()) -> Prepared:
     """A plan for the order that `read` makes for a backend; `decided` is what was left out before there was a graph."""
     found, on = select_device(named), partial(_prepared_on, read, decided)
@@ -380,7 +387,7 @@ def _run(prepared: Prepared, further: Sequence[Decision], shared: Shared | None,
     reported = findings.get(target, {}) if target else findings
     decisions = (*plan.decisions, *further)
     return {
-        name: Result(image, plan, _backend(prepared.device), timing, decisions, found.get(name), reported, name)
+        name: Result(image, plan, _ran_on(prepared.device, plan), timing, decisions, found.get(name), reported, name)
         for name, image in images.items()
     }
 

@@ -11,16 +11,21 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 
 def kind(parameters: Iterable[tuple[str, Any]], inputs: Iterable[str]) -> str:
     """A few letters that stand for it; parameters as names and values."""
-    told = [(name, _shape(value)) for name, value in parameters]
-    return hashlib.sha256(json.dumps([told, sorted(inputs)]).encode()).hexdigest()[:12]
+    return _letters(tuple([(name, _shape(value)) for name, value in parameters]), tuple(sorted(inputs)))
 
 
-def _shape(value: Any) -> Any:
+@lru_cache(1024)
+def _letters(told: tuple[tuple[str, str | bool | None], ...], inputs: tuple[str, ...]) -> str:
+    return hashlib.sha256(json.dumps([told, inputs]).encode()).hexdigest()[:12]
+
+
+def _shape(value: Any) -> str | bool | None:
     """What is left of a value without its amount."""
     if value is None or isinstance(value, str | bool):
         return value

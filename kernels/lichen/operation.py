@@ -164,8 +164,12 @@ class Rate:
     kinds: Mapping[str, Rate] = field(default_factory=dict)
     """those of requests of one kind, where they are known apart (`lichen.kind`)"""
 
+    def of(self, kind: str) -> Rate:
+        """That of requests of one kind."""
+        return self.kinds.get(kind, self) if self.kinds else self
+
     def seconds(self, work: float, kind: str = "") -> float:
-        known = self.kinds.get(kind, self) if self.kinds else self
+        known = self.of(kind)
         return known.start + known.step * work
 
 
@@ -201,6 +205,9 @@ class Method(Generic[P]):
     scratch: float | None = None
     """what it takes for itself while it runs on OpenCL, in float32 pictures as large as the largest that it reads or
     makes, as measured; None: nothing where the operation is pointwise, else one"""
+    body: str = ""
+    """a name for what runs: methods of an operation that have the same take the same time for a step of their work, and
+    are timed together, so that how they compare is not left to chance. Without one it runs what no other does."""
     least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0
     """what its error is at least, and its usual one, rounding aside: known at once where `error` takes long to prove,
     so that methods that cannot be accurate enough need not be asked"""
@@ -316,6 +323,7 @@ class Operation(Generic[P]):
         unfit: Callable[[P, InputFacts], str | None] = lambda parameters, facts: None,
         stage: Callable[[P, InputFacts], Stage | None] = no_stage,
         scratch: float | None = None,
+        body: str = "",
         least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0,
         head: Callable[[P, InputFacts], Head | None] = no_head,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
@@ -324,7 +332,7 @@ class Operation(Generic[P]):
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
             self.methods[name] = Method(
-                name, description, implementation, error, work, rates, knob, unfit, stage, scratch, least, head
+                name, description, implementation, error, work, rates, knob, unfit, stage, scratch, body, least, head
             )
             return implementation
 

@@ -19,10 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lichen.accuracy.metrics import Difference, deviations, difference
+from lichen.accuracy.colour import ciede2000
+from lichen.accuracy.metrics import Difference, deviations, difference, steps
 from lichen.accuracy.precision import Precision
 from lichen.execution import by_definition, exact, walk
-from lichen.image import Image
+from lichen.image import Image, Storage
 from lichen.memory import Array
 from lichen.operation import Footprint, Inputs
 from lichen.planning.graph import Graph, Node, inputs_of
@@ -50,6 +51,10 @@ class Verification:
     reason: str = ""
     map: Array | None = None
     """the largest difference over the channels of each pixel, float32 (height, width); NaN where none was taken"""
+    codes: int | None = None
+    """the largest difference in code values, where the output is wanted in integers"""
+    seen: float | None = None
+    """the largest CIEDE2000, where the output is a picture without NaN and infinity"""
 
 
 @dataclass(frozen=True)
@@ -63,17 +68,18 @@ class Window:
 def verify(graph: Graph, sources: Mapping[str, Image], image: Image) -> Verification:
     """Compare `image`, the output of `graph`, with truth. The graph's precision is what is judged, too."""
     graph = graph.replace(precision=Precision.FLOAT32, fused=(), banded=())
+    (output,) = graph.outputs.values()
     height, width = image.height, image.width
     dear = _seconds(graph, height, width)
     reach = _reach(graph, height, width)
     if dear <= SECONDS and (height * width <= PIXELS or _undivided(reach, height, width)):
-        return _compared(image, {((0, height), (0, width)): exact(graph, sources)})
+        return _compared(image, {((0, height), (0, width)): exact(graph, sources)}, output.storage)
     if isinstance(reach, str):
         return Verification(None, f"{reach}, and all of it would take about {dear:.0f} s")
     chosen = _chosen(graph, reach, height, width)
     if len(chosen) < FEWEST:
         return Verification(None, f"truth would take about {dear:.0f} s, and tiles of it not much less")
-    return _compared(image, {tile: truth_of_tile(graph, sources, reach, tile) for tile in chosen})
+    return _compared(image, {tile: truth_of_tile(graph, sources, reach, tile) for tile in chosen}, output.storage)
 
 
 def _undivided(reach: Footprint | str, height: int, width: int) -> bool:
@@ -83,7 +89,7 @@ def _undivided(reach: Footprint | str, height: int, width: int) -> bool:
     return all(far is None or far >= size for far, size in zip(reach.sides, (height, width), strict=True))
 
 
-def _compared(image: Image, truths: Mapping[Tile, Array]) -> Verification:
+def _compared(image: Image, truths: Mapping[Tile, Array], storage: Storage | None) -> Verification:
     """The tiles taken together as one picture."""
     found = np.full((image.height, image.width), np.nan, np.float32)
     flat_pixels, flat_truth = [], []
@@ -97,7 +103,9 @@ def _compared(image: Image, truths: Mapping[Tile, Array]) -> Verification:
     pixels, truth = (np.concatenate(each, axis=1) for each in (flat_pixels, flat_truth))
     measured = difference(pixels, truth, image.alpha)
     share = pixels.shape[1] / (image.height * image.width)
-    return Verification(dataclasses.replace(measured, sampled=share), map=found)
+    codes = steps(pixels, truth, storage).largest if storage is not None and storage.integer else None
+    seen = ciede2000(image.replace(pixels=pixels), truth).largest
+    return Verification(dataclasses.replace(measured, sampled=share), map=found, codes=codes, seen=seen)
 
 
 # ------------------------------------------------------------------------------------------------------------ tiles

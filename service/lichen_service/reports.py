@@ -4,7 +4,8 @@
     Lichen-Device: opencl
     Lichen-Error: 1.23e-05; bound; max           value in output units, rounded up; how it is known; metric
     Lichen-Measured: 1.2e-07; measured; max; sampled=1; p999=9.1e-08; rms=2.1e-08; mismatched=0
-                                                 where `verify` was asked; "none" and the reason where it cannot be had
+                                                 where `verify` was asked; "none" and the reason where it cannot be had;
+                                                 of integers also codes=1, of pictures ciede2000=0.02, the largest
     Lichen-Precision: fixed8                     what values were kept in, where that is not float32
     Lichen-Skipped: identity;node="gaussian";reason="sigma is 0";bound=0
     Lichen-Nonfinite: 0                          NaN and infinite samples of the result
@@ -84,9 +85,12 @@ def measured(found: Verification) -> str:
     difference = found.measured
     if difference is None:
         return f"none; reason={_string(found.reason)}"
+    codes = "" if found.codes is None else f"; codes={found.codes}"
+    seen = "" if found.seen is None else f"; ciede2000={rounded_up(found.seen)}"
     return (
         f"{rounded_up(difference.largest)}; measured; max; sampled={math.floor(difference.sampled * 1e4) / 1e4:g}; "
         f"p999={rounded_up(difference.p999)}; rms={rounded_up(difference.rms)}; mismatched={difference.mismatched}"
+        f"{codes}{seen}"
     )
 
 

@@ -260,6 +260,10 @@ def test_a_report_without_or_with_garbled_fields_is_empty() -> None:
     for garbled in ({}, {"lichen-error": "?", "lichen-nonfinite": "-", "server-timing": "a;dur=x,,;"}):
         report = lichen_client.Report.read(garbled)
         assert (report.error, report.measured, report.nonfinite, report.timing) == (None, None, None, {})
+    measured = lichen_client.Report.read(
+        {"lichen-measured": "0.1; measured; max; sampled=1; p999=0; rms=0; mismatched=0; codes=3; ciede2000=0.5"}
+    ).measured
+    assert measured == lichen_client.Measured(0.1, 0, 0, 0, 1, 3, 0.5)
     for unmeasured in ('none; reason="it would take about 9 s"', "1; measured; max; sampled=x", "?"):
         assert lichen_client.Report.read({"lichen-measured": unmeasured}).measured is None
 

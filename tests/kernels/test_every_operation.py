@@ -7,6 +7,7 @@ is held to truth within the error it states.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import os
@@ -22,6 +23,7 @@ import pytest
 
 import lichen
 from lichen.accuracy.metrics import difference
+from lichen.calibration.corpus import typical
 from lichen.errors import InvalidRequest, LichenError, UnknownOperation
 from lichen.image import Alpha, Image, Space, as_image
 from lichen.opencl.device import default_device
@@ -307,3 +309,21 @@ def _generated_keeps_the_error_it_states(operation: Operation[Any], backend: str
             found = difference(result.image.pixels, truth)
             assert found.largest <= result.error.value, f"{example}: {found} beyond {result.error}"
             assert not found.mismatched
+
+
+@pytest.mark.parametrize("operation", OPERATIONS.values(), ids=OPERATIONS)
+def test_no_error_is_less_than_what_it_is_said_to_be_at_least(operation: Operation[Any]) -> None:
+    """Where more is said, a method is refused without being asked."""
+    for example in operation.examples:
+        known = typical(operation, operation.validate(example), 32).facts
+        for height, width in ((9, 64), (40, 40), (300, 200)):
+            facts = {name: dataclasses.replace(each, height=height, width=width) for name, each in known.items()}
+            parameters = operation.sized(operation.validate(example), height, width)
+            if operation.check(parameters, facts):
+                continue
+            for method in operation.methods.values():
+                for knob in method.knob.values if method.knob else (0.0,):
+                    least = method.least(parameters, knob, facts)
+                    if least > 0 and method.unfit(parameters, facts) is None:
+                        stated = method.error(parameters, knob, facts)
+                        assert least <= 1.000001 * (min(stated.value, stated.usual) - stated.rounding), (method, knob)

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from lichen import engine, verification
+from lichen.accuracy import colour, metrics
 from lichen.files import decode, encode
-from lichen.image import Alpha, Image
+from lichen.image import Alpha, Image, Storage
 from lichen_service import mixed
 from lichen_service.documents import content_digest
 from lichen_service.http.message import Response
@@ -67,6 +68,18 @@ def test_an_entity_tag_does_not_take_the_measurement_away(call: Caller, array: b
     verified = call("POST", f"{target}&verify=true", array, {"if-none-match": tag})
     assert verified.status == 200
     assert "Lichen-Measured" in verified.headers
+
+
+def test_what_a_viewer_sees_of_the_error_is_told_of_pictures(call: Caller, png: bytes, array: bytes) -> None:
+    """And how many codes it is, of integers: a kernel cut at half of its weight shows both."""
+    target = f"{BLUR}?sigma=2&method=fir&tail=0.5&verify=true"
+    told = dict(part.partition("=")[::2] for part in call("POST", target, png).headers["Lichen-Measured"].split("; "))
+    truth = engine.evaluate_truth("gaussian", decode(png), sigma=2)
+    made = engine.run("gaussian", decode(png), sigma=2, method="fir", tail=0.5).image
+    assert int(told["codes"]) == metrics.steps(made.pixels, truth, Storage.UINT8).largest > 1
+    assert float(told["ciede2000"]) == pytest.approx(colour.ciede2000(made, truth).largest, rel=0.01)
+    numbers = call("POST", f"{target}&format=npy", array).headers["Lichen-Measured"]
+    assert "codes" not in numbers
 
 
 def test_what_cannot_be_measured_is_no_problem(call: Caller, array: bytes, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,6 +57,10 @@ class Measured:
     """samples that are NaN or infinite on one side only"""
     sampled: float
     """the share of the pixels that were compared"""
+    codes: int | None = None
+    """the largest difference in code values, where the result has integers"""
+    ciede2000: float | None = None
+    """the largest, where the result is a picture"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,12 +111,15 @@ def _read_error(value: str) -> Error | None:
 
 
 def _read_measured(value: str) -> Measured | None:
-    """From "1.2e-07; measured; max; sampled=1; p999=...; rms=...; mismatched=0"; None where it says anything else."""
+    """From "1.2e-07; measured; max; sampled=1; p999=...; rms=...; mismatched=0; codes=1; ciede2000=0.1", the last two
+    of some results only; None where it says anything else."""
     first, *rest = (part.strip() for part in value.split(";"))
     given = dict(part.partition("=")[::2] for part in rest)
     try:
         largest, p999, rms = (float(each) for each in (first, given["p999"], given["rms"]))
-        return Measured(largest, p999, rms, int(given["mismatched"]), float(given["sampled"]))
+        codes = int(given["codes"]) if "codes" in given else None
+        seen = float(given["ciede2000"]) if "ciede2000" in given else None
+        return Measured(largest, p999, rms, int(given["mismatched"]), float(given["sampled"]), codes, seen)
     except (KeyError, ValueError):
         return None
 

@@ -81,20 +81,26 @@ def _ratios(base: Rate, samples: Sequence[Sample]) -> tuple[float, float]:
     return both, both
 
 
-def save() -> Path:
-    """The table of this checkout, from the times of this machine. What was not measured stays as it is."""
+def save(path: Path | None = None) -> Path:
+    """The table of this checkout, from the times of this machine, to `path` or its place. What was not measured stays
+    as it is, and what was measured is put down as it would be at the pace of the table."""
     told, paces = dict(_table()), dict(_paces())
     for backend in times.BACKENDS:
+        slower = 1.0
         if usual := times.pace(backend):
-            paces[backend] = usual
+            slower = general(backend, usual)
+            paces.setdefault(backend, usual)
         for (operation, method), rate in times.current(backend).items():
-            told[backend, operation, method] = rate.kinds or {PLAIN: rate}
+            found = rate.kinds or {PLAIN: rate}
+            told[backend, operation, method] = {
+                kind: Rate(each.start / slower, each.step / slower) for kind, each in found.items()
+            }
     lines = [json.dumps([backend, [_short(each) for each in paces[backend]]]) for backend in sorted(paces)]
     lines += [
         json.dumps([*name, {kind: [_short(each.start), _short(each.step)] for kind, each in sorted(kinds.items())}])
         for name, kinds in sorted(told.items())
     ]
-    path = Path(__file__).with_name(NAME)
+    path = path or Path(__file__).with_name(NAME)
     path.write_text("[\n" + ",\n".join(lines) + "\n]\n")
     _listed.cache_clear()
     _table.cache_clear()

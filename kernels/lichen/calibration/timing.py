@@ -263,19 +263,27 @@ class Timing:
 
     def rates(self) -> dict[tuple[str, str], Rate]:
         """What the runs so far say, by operation and method."""
-        found: dict[tuple[str, str], Rate] = {}
-        for name, samples in self.samples().items():
-            overall = fit(samples, self.owner.methods[name].rates[self.backend])
-            own: dict[str, list[Sample]] = {}
-            for cell, kept in self.seconds.items():
-                if cell.method == name and kept:
-                    own.setdefault(cell.kind, []).append(Sample(cell.work, lower_quartile(kept)))
-            if self.plan.kinds:
-                kinds = {each: fit(taken, overall) for each, taken in own.items()} if len(own) > 1 else {}
-            else:
-                ((kind, taken),) = own.items()
-                told = known(self.backend, self.owner.name, name)
-                kinds = compared(told, kind, taken, general(self.backend, pace(self.backend).usual))
-                overall = kinds.get(kind) or kinds.pop(PLAIN, overall)
-            found[self.owner.name, name] = Rate(overall.start, overall.step, kinds)
-        return found
+        runs: dict[tuple[str, ...], dict[str, list[Sample]]] = {}
+        for cell, kept in self.seconds.items():
+            if kept:
+                own = runs.setdefault(self._alike(cell.method), {})
+                own.setdefault(cell.kind, []).append(Sample(cell.work, lower_quartile(kept)))
+        found = {names: self._rate(names[0], own) for names, own in runs.items()}
+        return {(self.owner.name, name): rate for names, rate in found.items() for name in names}
+
+    def _alike(self, name: str) -> tuple[str, ...]:
+        """The methods that run what this one does, itself among them."""
+        body = self.owner.methods[name].body
+        return tuple(each.name for each in self.owner.methods.values() if body and each.body == body) or (name,)
+
+    def _rate(self, name: str, own: Mapping[str, Sequence[Sample]]) -> Rate:
+        """Of the methods that run what `name` does, by samples of each kind."""
+        overall = fit([each for taken in own.values() for each in taken], self.owner.methods[name].rates[self.backend])
+        if self.plan.kinds:
+            kinds = {each: fit(taken, overall) for each, taken in own.items()} if len(own) > 1 else {}
+        else:
+            kind, taken = next(iter(own.items()))
+            told = known(self.backend, self.owner.name, name)
+            kinds = compared(told, kind, taken, general(self.backend, pace(self.backend).usual))
+            overall = kinds.get(kind) or kinds.pop(PLAIN, overall)
+        return Rate(overall.start, overall.step, kinds)

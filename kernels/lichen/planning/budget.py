@@ -77,16 +77,16 @@ def within_error(problem: Problem) -> Choices:
         found = _alone(problem, measure) if len(usable) == 1 else _together(problem, measure)
         if found is not None:
             return found
-    choices = _most_accurate(usable, measure)
     if request.max_error is not None:
-        best = problem.error(choices)
+        best = problem.error(_most_accurate(usable, measure))
         raise Unattainable(
             f"No method meets an error of {request.max_error:g}; the smallest that can be stated is {best.value:.3g}.",
             [Flaw("/max_error", f"at least {best.value:.3g} is needed")],
             limit=best.value,
             actual=request.max_error,
         )
-    return {node.name: _customary(node, usable[node.name]) or choices[node.name] for node in problem.graph.nodes}
+    key = _by_error(measure)
+    return {name: _customary(problem.graph.named(name), offers) or offers.least(key) for name, offers in usable.items()}
 
 
 def _alone(problem: Problem, measure: Measure) -> Choices | None:
@@ -100,8 +100,7 @@ def _alone(problem: Problem, measure: Measure) -> Choices | None:
     if any(targets[out] < 0 for out, each in graph.outputs.items() if each.source != name):
         return None
     least = min((targets[out] for out, each in graph.outputs.items() if each.source == name), default=math.inf)
-    able = (offer for offer in offers.in_turn() if offer.stated.least <= least)
-    return next(({name: offer} for offer in able if measure(offer.error) <= least), None)
+    return next(({name: offer} for offer in offers.able(least).in_turn() if measure(offer.error) <= least), None)
 
 
 def _together(problem: Problem, measure: Measure) -> Choices | None:

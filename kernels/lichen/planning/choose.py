@@ -120,7 +120,7 @@ def _definition(node: Node, facts: Mapping[str, Facts], request: Request, relati
     """Truth itself, in doubles, with its rounding relative to the output's magnitude."""
     rounding = relative * facts[node.name].extent.magnitude
     seconds = node.operation.truth_seconds(node.parameters, inputs_of(node, facts))
-    return Offers([Candidate(TRUTH, None, Told(Error(rounding, "bound", rounding)), seconds)])
+    return Offers([Candidate(TRUTH, None, Told(Error(rounding, "bound", rounding), seconds))])
 
 
 def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> Offers:
@@ -166,13 +166,14 @@ def _sought(node: Node, facts: Mapping[str, Facts], request: Request) -> Offers:
 def _settings(
     node: Node, method: Method[Any], facts: Mapping[str, Facts], request: Request, stated: Stated
 ) -> Iterator[Candidate]:
-    rate, kind = request.rate(node.operation, method), node.about(facts).kind
+    rate = request.rate(node.operation, method)
+    if rate.kinds:
+        rate = rate.of(node.about(facts).kind)
     asked = node.asked.knobs.get(method.knob.name) if method.knob else None
     settings = (None,) if method.knob is None else method.knob.values if asked is None else (asked,)
     for setting in settings:
         offer = stated[method.name, setting] if asked is None else node.offer(facts, method.name, setting)
-        seconds = rate.seconds(offer.work, kind)
-        yield Candidate(method.name, setting, offer, seconds)
+        yield Candidate(method.name, setting, offer, rate)
 
 
 def _left_out(node: Node, facts: Mapping[str, Facts], request: Request) -> Iterator[Candidate]:
@@ -182,7 +183,7 @@ def _left_out(node: Node, facts: Mapping[str, Facts], request: Request) -> Itera
         return
     for key, change in node.about(facts).departure.items():
         if _alike(known[key], made) and (change == 0 or request.max_ms is None):
-            yield Candidate(LEFT_OUT, None, Told(Error(change, "bound")), 0.0, key)
+            yield Candidate(LEFT_OUT, None, Told(Error(change, "bound")), passes=key)
 
 
 def _alike(given: Facts, made: Facts) -> bool:

@@ -9,12 +9,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import groupby
 from typing import Any
 
 from lichen.accuracy.precision import Precision, keeping
 from lichen.image import Alpha, Space, Storage
+from lichen.once import once
 from lichen.operation import Error, Facts, Method, Operation, OperationParameters, Rate
 from lichen.part import Rectangle
 from lichen.planning import predict
@@ -46,6 +46,10 @@ class Decision:
         return {**said, "bound": self.bound, "saved_ms": self.saved_ms}
 
 
+IN_SECONDS = Rate(0.0, 1.0)
+"""Of work that is counted in seconds."""
+
+
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """A method at one setting of its knob, with what it would make of a node."""
@@ -53,9 +57,14 @@ class Candidate:
     method: str
     knob: float | None
     stated: predict.Offer | predict.Told
-    seconds: float
+    rate: Rate = IN_SECONDS
+    """how fast it does its work in requests of this kind"""
     passes: str | None = None
     """the input that is handed on as it is, where the method is to leave the node out"""
+
+    @property
+    def seconds(self) -> float:
+        return self.rate.start + self.rate.step * self.stated.work
 
     @property
     def error(self) -> Error:
@@ -76,10 +85,20 @@ class Offers(tuple[Candidate, ...]):
             self._least[key] = min(self, key=key)
         return self._least[key]
 
-    @cached_property
+    @once
     def usable(self) -> Offers:
         """Those that can be taken."""
         return Offers([offer for offer in self if offer.unfit is None])
+
+    def able(self, limit: float) -> Offers:
+        """Those whose errors are not known to be larger. No more than that is asked of the others: neither their errors
+        nor their work, which may take long to find."""
+        found = self._able.get(limit)
+        if found is None:
+            if len(self._able) >= MOST_LIMITS:
+                self._able.clear()
+            found = self._able[limit] = Offers([offer for offer in self if offer.stated.least <= limit])
+        return found
 
     def in_turn(self) -> Iterator[Candidate]:
         """The quickest first, and of equally quick ones the most accurate. No error is asked for but theirs."""
@@ -96,11 +115,15 @@ class Offers(tuple[Candidate, ...]):
             yield from equal
         self.__dict__["_turns"] = turns
 
-    @cached_property
+    @once
     def quickest(self) -> Candidate:
         return next(self.in_turn())
 
-    @cached_property
+    @once
+    def _able(self) -> dict[float, Offers]:
+        return {}
+
+    @once
     def _least(self) -> dict[Callable[[Candidate], Any], Candidate]:
         return {}
 
@@ -110,6 +133,8 @@ def _seconds(offer: Candidate) -> float:
 
 
 NOTHING = Offers()
+MOST_LIMITS = 16
+"""By which the same candidates are told apart and remembered."""
 
 
 @dataclass(frozen=True, slots=True)

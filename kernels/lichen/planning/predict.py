@@ -8,12 +8,13 @@ finds what was asked before of the same three, and `About` keeps what it is told
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 from lichen.joining import Link
 from lichen.kind import kind
+from lichen.once import once
 from lichen.operation import Error, Facts, Method, Operation, OperationParameters
 from lichen.stage import Stage
 
@@ -29,43 +30,35 @@ class Told:
     """What is known of a candidate without asking a method."""
 
     error: Error
+    work: float = 0.0
     unfit: str | None = None
     least: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
 class Offer:
     """A method at a setting of its knob, and what it states when asked: an error may take milliseconds to prove."""
 
-    about: About = field(repr=False)
-    method: str
-    knob: float | None
+    def __init__(self, about: About, method: Method[Any], knob: float | None) -> None:
+        self._about, self._method = about, method
+        self._setting = 0.0 if knob is None else knob
 
-    @cached_property
+    @once
     def error(self) -> Error:
-        return self._method.error(self.about.parameters, self._setting, self.about.facts)
+        return self._method.error(self._about.parameters, self._setting, self._about.facts)
 
-    @cached_property
+    @once
     def least(self) -> float:
         """What the error is at least, rounding aside."""
-        return self._method.least(self.about.parameters, self._setting, self.about.facts)
+        return self._method.least(self._about.parameters, self._setting, self._about.facts)
 
-    @cached_property
+    @once
     def work(self) -> float:
-        return self._method.work(self.about.parameters, self._setting, self.about.facts)
+        return self._method.work(self._about.parameters, self._setting, self._about.facts)
 
-    @cached_property
+    @property
     def unfit(self) -> str | None:
         """Why it cannot be taken at all."""
-        return self._method.unfit(self.about.parameters, self.about.facts)
-
-    @property
-    def _method(self) -> Method[Any]:
-        return self.about.operation.methods[self.method]
-
-    @property
-    def _setting(self) -> float:
-        return self.knob if self.knob is not None else 0.0
+        return self._about.unfit[self._method.name]
 
 
 class About:
@@ -83,11 +76,11 @@ class About:
         self._carried: dict[float, float] = {}
         self._stages: dict[str, Stage | None] = {}
 
-    @cached_property
+    @once
     def result(self) -> Facts:
         return self.operation.result(self.parameters, self.facts)
 
-    @cached_property
+    @once
     def kind(self) -> str:
         """Of the request, by which rates may differ."""
         return kind(self.parameters, self.facts)
@@ -100,18 +93,23 @@ class About:
             found = self._carried[error] = self.operation.propagate(self.parameters, self.facts, error)
         return found
 
-    @cached_property
+    @once
+    def unfit(self) -> Mapping[str, str | None]:
+        """Why methods cannot be taken at all; None for those that can."""
+        return {name: each.unfit(self.parameters, self.facts) for name, each in self.operation.methods.items()}
+
+    @once
     def offers(self) -> Mapping[tuple[str, float | None], Offer]:
         """What all methods state, at all values of their knobs."""
         return {
-            (each.name, knob): Offer(self, each.name, knob)
+            (each.name, knob): Offer(self, each, knob)
             for each in self.operation.methods.values()
             for knob in (each.knob.values if each.knob else (None,))
         }
 
     def offer(self, name: str, knob: float | None) -> Offer:
         """What one method states at one setting."""
-        return self.offers.get((name, knob)) or Offer(self, name, knob)
+        return self.offers.get((name, knob)) or Offer(self, self.operation.methods[name], knob)
 
     def stage(self, name: str) -> Stage | None:
         """What one method is as a step of a chain."""
@@ -119,22 +117,22 @@ class About:
             self._stages[name] = self.operation.methods[name].stage(self.parameters, self.facts)
         return self._stages[name]
 
-    @cached_property
+    @once
     def staged(self) -> tuple[str, ...]:
         """The methods that are steps of a chain."""
         return tuple([name for name in self.operation.methods if self.stage(name) is not None])
 
-    @cached_property
+    @once
     def departure(self) -> Mapping[str, float]:
         """How far its output is from its inputs at most."""
         return self.operation.departure(self.parameters, self.facts)
 
-    @cached_property
+    @once
     def identity(self) -> str | None:
         """Why it returns its first input."""
         return self.operation.identity(self.parameters, self.facts) if self.facts else None
 
-    @cached_property
+    @once
     def link(self) -> Link | None:
         """What it is for its neighbours."""
         return self.operation.link(self.parameters, self.facts)

@@ -91,7 +91,7 @@ def _again(node: Node, facts: Mapping[str, Facts], request: Request) -> Node:
         method = node.operation.methods.get(offer.method)
         if method is None:
             return offer
-        rate, found = request.rate(node.operation, method), node.offer(facts, method.name, offer.knob)
-        return dataclasses.replace(offer, stated=found, seconds=rate.seconds(found.work, node.about(facts).kind))
+        rate = request.rate(node.operation, method).of(node.about(facts).kind)
+        return dataclasses.replace(offer, stated=node.offer(facts, method.name, offer.knob), rate=rate)
 
     return node.chosen(again(choice), Offers(map(again, node.alternatives)))

@@ -15,7 +15,7 @@ from lichen.accuracy import times
 from lichen.calibration.calibrate import Outcome, calibrate
 from lichen.calibration.corpus import typical
 from lichen.calibration.fit import Sample, fit, misses
-from lichen.calibration.kinds import NAME, PLAIN, compared, general, known
+from lichen.calibration.kinds import NAME, PLAIN, compared, general, known, save
 from lichen.calibration.pace import Pace
 from lichen.calibration.timing import QUICK, THOROUGH, Cell, Plan, Timing, cells
 from lichen.calibration.turns import REPEATS, Effort, timed
@@ -165,6 +165,27 @@ def test_kinds_that_were_not_measured_are_known_by_one_that_was() -> None:
     assert compared(told, "unheard", runs) == {}
     alone = compared({PLAIN: told["plain"]}, "any", [Sample(work, told["plain"].seconds(work)) for work in (1e3, 1e7)])
     assert alone[PLAIN].step == pytest.approx(1e-9, rel=1e-3)
+
+
+def test_methods_that_run_the_same_are_timed_together() -> None:
+    timing = Timing(operation("gaussian"), "numpy", QUICK)
+    for place, (cell, kept) in enumerate(timing.seconds.items()):
+        kept.extend([1e-3 * (1 + place % 3) + 1e-11 * cell.work] * 3)
+    rates = timing.rates()
+    assert {method for _, method in rates} == set(operation("gaussian").methods)
+    assert rates["gaussian", "deriche"] == rates["gaussian", "vliet-young"]
+    assert rates["gaussian", "deriche"] != rates["gaussian", "fir"]
+
+
+def test_kinds_are_written_down_at_the_pace_of_the_table(tmp_path: Path) -> None:
+    """Some operations are measured later than others, on a machine that is slower just then."""
+    rows = [row for row in json.loads(files("lichen.calibration").joinpath(NAME).read_text()) if row[0] == "numpy"]
+    ((_, usual),) = [row for row in rows if len(row) == 2]
+    times.store("numpy", {("premultiply", "exact"): Rate(2e-4, 4e-9)}, [2 * each for each in usual])
+    written = [row for row in json.loads(save(tmp_path / NAME).read_text()) if row[0] == "numpy"]
+    assert written[0] == rows[0]
+    changed = [new for new in written if new not in rows]
+    assert changed == [["numpy", "premultiply", "exact", {PLAIN: [1e-4, 2e-9]}]]
 
 
 def test_the_table_of_kinds_is_of_this_catalogue() -> None:

@@ -61,7 +61,7 @@ def test_a_stage_does_what_its_method_does(
     # What becomes of a fourth channel shows as well in a few examples; every one is a program of its own.
     for example in operation.examples[: 2 if channels == 4 else None]:
         parameters = operation.validate(example)
-        choice = Candidate(method.name, None, Told(Error(0.0, "bound")), 0.0)
+        choice = Candidate(method.name, None, Told(Error(0.0, "bound")))
         node = Node("a", operation, parameters, {name: name for name in names}, choice)
         if operation.check(parameters, facts):
             continue

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import lichen
+from lichen.calibration.sweep import backends
 from lichen.errors import Unattainable
 from lichen.image import Alpha, Extent, Image, Space
 from lichen.operation import Facts
@@ -170,6 +171,9 @@ def test_where_rounding_between_definitions_is_too_much_all_is_done_in_doubles()
     image = Image(np.random.default_rng(3).random((48, 40, 3), np.float32), Space.SRGB)
     coarse, fine = (lichen.run("gaussian", image, sigma=6, max_error=error) for error in (1e-3, 1e-6))
     assert fine.method == "truth" != coarse.method
+    assert (fine.device, coarse.device) == ("numpy", backends()[0])
+    linear = lichen.run("gaussian", image, sigma=6, max_error=1e-5)
+    assert (linear.method, linear.device) == ("truth", "numpy")  # the conversions around it are not what was asked for
     assert fine.error.value <= 1e-6
     truth = lichen.evaluate_truth("gaussian", image, sigma=6)
     assert np.abs(fine.image.pixels - truth).max() <= fine.error.value

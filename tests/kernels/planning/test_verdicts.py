@@ -11,7 +11,7 @@ import pytest
 import lichen
 from lichen.engine import prepare_pipeline
 from lichen.planning.error import total_error
-from lichen.planning.graph import Candidate
+from lichen.planning.graph import IN_SECONDS, Candidate
 from lichen.planning.plan import Plan
 from lichen.planning.predict import Told
 from lichen.planning.verdicts import outcomes, verdicts
@@ -103,8 +103,8 @@ def test_ties_are_no_slower(seconds: float, error: float, said: str) -> None:
     beside = dataclasses.replace(
         taken,
         knob=0.123,
-        seconds=taken.seconds + seconds,
-        stated=Told(dataclasses.replace(taken.error, value=taken.error.value + error)),
+        stated=Told(dataclasses.replace(taken.error, value=taken.error.value + error), taken.seconds + seconds),
+        rate=IN_SECONDS,
     )
     changed: Any = dataclasses.replace(node, alternatives=(taken, beside))
     assert verdicts(plan.graph, plan.request, changed) == ["taken", said]

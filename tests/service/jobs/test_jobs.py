@@ -16,6 +16,7 @@ from typing import Any
 import jsonschema_rs
 import pytest
 
+from lichen.files import decode
 from lichen_service import durable, strict_json
 from lichen_service.access import keys
 from lichen_service.access.keys import Keys
@@ -29,6 +30,7 @@ from lichen_service.settings import Settings
 
 from ..conftest import Caller, pointers, problem_of, read_json
 from ..test_server import ask, served
+from ..test_verifying import parts_of, payload
 
 BLUR = "/v1/operations/gaussian?sigma=2&device=numpy&format=png"
 PIPELINE = {"nodes": {"gaussian": {"operation": "gaussian", "parameters": {"sigma": 2}}}}
@@ -99,6 +101,27 @@ def test_a_result_fetched_later_is_the_one_given_at_once(working: Caller, png: b
     assert working("DELETE", location).status == 204
     problem_of(working("GET", location), 404, "unknown-job")
     problem_of(working("GET", f"{location}/result"), 404, "unknown-job")
+
+
+@pytest.mark.parametrize("form", ["query", "json"])
+def test_a_verified_job_keeps_the_map_of_its_error(working: Caller, png: bytes, form: str) -> None:
+    """Beside the picture, where the job was asked for in parts; what was found stands in a header in any case."""
+    wanted = {"accept": "multipart/mixed"}
+    now = working("POST", f"{BLUR}&verify=true", png, wanted)
+    if form == "query":
+        location = accepted(working("POST", f"{BLUR}&verify=true", png, {**ASYNC, **wanted}))
+    else:
+        name = read_json(working("PUT", "/v1/assets", png))["id"]
+        said = {"sigma": 2, "device": "numpy", "format": "png", "verify": True}
+        order = json.dumps({"operation": "gaussian", "parameters": said, "inputs": {"image": name}}).encode()
+        location = accepted(working("POST", "/v1/jobs", order, {"content-type": "application/json", **wanted}))
+    assert ended(working, location)["status"] == "successful"
+    later = working("GET", f"{location}/result")
+    assert later.headers["Lichen-Measured"] == now.headers["Lichen-Measured"]
+    (picture, errors), at_once = parts_of(later), parts_of(now)
+    assert [payload(picture), payload(errors)] == [payload(each) for each in at_once]
+    assert "Lichen-Map" in errors
+    assert decode(payload(errors)).pixels.shape[:2] == decode(png).pixels.shape[:2]
 
 
 def test_a_job_may_come_as_json(working: Caller, png: bytes) -> None:

@@ -17,6 +17,7 @@ from pydantic import Field
 
 from lichen.errors import Flaw
 from lichen.image import Alpha, Extent
+from lichen.once import latest
 from lichen.operation import (
     ROUNDING,
     Border,
@@ -82,6 +83,7 @@ class Parameters(OperationParameters):
 # ------------------------------------------------------------------------------------------------------ predictions
 
 
+@latest
 def singles(p: Parameters, facts: InputFacts) -> list[tuple[Parameters, InputFacts]]:
     """The channels that have a kernel of their own, as operations on one channel; or the operation as it is."""
     if p.kernels is None:
@@ -104,6 +106,7 @@ def mean_stencil(p: Parameters) -> tuple[Stencil, float]:
     return alone, p.scale * (1.0 if p.normalise else math.fsum(given(p).ravel()))
 
 
+@latest
 def stencil(p: Parameters) -> Stencil:
     """The kernel as a correlation, scaled."""
     taps = given(p)

@@ -46,7 +46,7 @@ from lichen.operations.convolution.boxes import boxes_numpy, boxes_opencl
 from lichen.operations.convolution.gaussian_base import Parameters, masked_radius
 from lichen.operations.convolution.gaussian_cases import CASES
 from lichen.operations.convolution.gaussian_turned import Turned
-from lichen.operations.convolution.gaussian_weights import dct_bases, fir_weights, half_kernel
+from lichen.operations.convolution.gaussian_weights import MOST_TAIL, dct_bases, fir_weights, half_kernel
 from lichen.operations.convolution.passes import Steps, Vector, folded, separable_numpy, separable_opencl
 from lichen.operations.convolution.recursive import recursive_numpy, recursive_opencl
 from lichen.operations.convolution.stencil import Stencil, correlate_numpy, correlate_opencl
@@ -154,7 +154,7 @@ def _by_matrices(pixels: Array, weights: tuple[Vector, Vector], border: Border, 
 @gaussian.method(
     "fir",
     scratch=2.1,
-    knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, 0.5),
+    knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, MOST_TAIL),
     error=base.fir_error,
     work=base.fir_work,
     rates={"opencl": Rate(1e-3, 2.3e-11), "numpy": Rate(1e-4, 7e-11)},
@@ -209,7 +209,7 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
 @gaussian.method(
     "dct",
     scratch=6.1,
-    knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the modes that are dropped", 1e-9, 0.5),
+    knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the modes that are dropped", 1e-9, MOST_TAIL),
     error=base.dct_error,
     work=base.dct_work,
     rates={"opencl": Rate(1e-3, 1.2e-11), "numpy": Rate(1e-5, 9e-12)},
@@ -263,7 +263,8 @@ def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Arr
     knob=Knob("order", (2, 4, 6, 8), "exponentials in the response", 2, 8),
     error=base.recursive_error(base.deriche_filters),
     least=base.least_error("deriche"),
-    work=base.recursive_work(base.deriche_extents),
+    work=base.deriche_work,
+    body="recursive",
     rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
     unfit=base.recursive_unfit,
 )
@@ -286,7 +287,8 @@ class Deriche:
     knob=Knob("poles", (3, 4, 5), "poles of the all-pole filter", 3, 5),
     error=base.recursive_error(base.vliet_young_filters),
     least=base.least_error("vliet-young"),
-    work=base.recursive_work(base.vliet_young_extents),
+    work=base.vliet_young_work,
+    body="recursive",
     rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
     unfit=base.vliet_young_unfit,
 )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
 from lichen.errors import Flaw
+from lichen.once import latest
 from lichen.operation import ROUNDING, Border, Degrees, Error, Facts, InputFacts, OperationParameters, Pixels
 from lichen.operations.convolution import gaussian_turned, lowrank
 from lichen.operations.convolution.boxes import Boxes, boxes, boxes_distance
@@ -101,23 +102,40 @@ def masked_radius(sigma: float) -> int:
 # -------------------------------------------------------------------------------------------------------------- fir
 
 
-def _taps(p: Parameters, tail: float, facts: InputFacts) -> list[int]:
+class Asked(NamedTuple):
+    """What all methods and settings need to know of a request."""
+
+    turned: Turned | None
+    renormalised: bool
+    sides: tuple[tuple[float, int], tuple[float, int]]
+    """standard deviation and samples, along y and along x"""
+    working: int
+    """threads"""
+
+
+@latest
+def asked(p: Parameters, facts: InputFacts) -> Asked:
+    image, (down, across) = facts["image"], p.deviations
+    sides = (down, image.height), (across, image.width)
+    return Asked(p.turned, leaves_out(p.missing, facts), sides, threads())
+
+
+def _taps(request: Asked, tail: float) -> list[int]:
     """Multiply-adds for each sample of the FIR passes, down and across."""
-    sizes = (facts["image"].height, facts["image"].width)
-    if leaves_out(p.missing, facts):
-        return [2 * masked_radius(sigma) + 1 for sigma in p.deviations]
-    return [min(2 * fir_radius(s, tail)[0] + 1, size) for s, size in zip(p.deviations, sizes, strict=True)]
+    if request.renormalised:
+        return [2 * masked_radius(sigma) + 1 for sigma, _ in request.sides]
+    return [min(2 * fir_radius(sigma, tail)[0] + 1, size) for sigma, size in request.sides]
 
 
 def fir_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
     """Truncation, proved; plus rounding: n taps added in any order lose at most n + 1 roundings of the magnitude."""
-    wide, magnitude = spread(p, facts)
-    if p.turned is not None:
-        return _turned_error(p.turned, tail, wide, magnitude)
-    rounding = 1.01 * (sum(_taps(p, tail, facts)) + 4) * ROUNDING * magnitude
-    if leaves_out(p.missing, facts):
+    (wide, magnitude), request = spread(p, facts), asked(p, facts)
+    if request.turned is not None:
+        return _turned_error(request.turned, tail, wide, magnitude)
+    rounding = 1.01 * (sum(_taps(request, tail)) + 4) * ROUNDING * magnitude
+    if request.renormalised:
         return renormalised_error(rounding, magnitude)
-    cut = sum(fir_radius(sigma, tail)[1] for sigma in p.deviations)
+    cut = sum(fir_radius(sigma, tail)[1] for sigma, _ in request.sides)
     return Error(cut * wide + rounding, "bound", rounding)
 
 
@@ -134,26 +152,26 @@ def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
 
     Kernels longer than the image are folded onto it, which takes time for each number of that matrix.
     """
-    image = facts["image"]
-    if p.turned is not None:
-        terms = len(gaussian_turned.taken_apart(p.turned, tail)[0])
-        return image.samples * terms * (sum(gaussian_turned.cut(p.turned, tail)[0].shape) + 60.0)
-    tall, wide = _taps(p, tail, facts)
+    image, request = facts["image"], asked(p, facts)
+    if request.turned is not None:
+        terms = len(gaussian_turned.taken_apart(request.turned, tail)[0])
+        return image.samples * terms * (sum(gaussian_turned.cut(request.turned, tail)[0].shape) + 60.0)
+    tall, wide = _taps(request, tail)
     taps = tall + wide
-    if leaves_out(p.missing, facts):
+    if request.renormalised:
         return 2 * image.samples * (MOVED + taps)
     together = rows_laid_out(tall, wide, image.channels)
-    moved = _tiled(image, tall, wide, together[0]) if together else image.samples * (MOVED + taps)
-    sides = zip(p.deviations, (image.height, image.width), strict=True)
-    return moved + FOLDED * sum(side * side for sigma, side in sides if 2 * fir_radius(sigma, tail)[0] >= side)
+    moved = _tiled(image, tall, wide, together[0], request.working) if together else image.samples * (MOVED + taps)
+    folded = sum(size * size for sigma, size in request.sides if 2 * fir_radius(sigma, tail)[0] >= size)
+    return moved + FOLDED * folded
 
 
-def _tiled(image: Facts, tall: int, wide: int, tile: int) -> float:
+def _tiled(image: Facts, tall: int, wide: int, tile: int, working: int) -> float:
     """Of both passes as one: rows above and below a tile are filtered along again, and with few tiles some processor
     has none."""
     tiles = -(-image.width * image.channels // tile)
     bands = -(-image.height // banded(image.height, tiles, 2 * tall))
-    items, working = tiles * bands, threads()
+    items = tiles * bands
     busy = -(-items // working) * working / items * tiles * tile
     return busy * (1.6 * wide * (image.height + bands * (tall - 1)) + 0.44 * tall * image.height)
 
@@ -170,9 +188,8 @@ def dct_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
 
     It grows with the root of the number of modes, as sums of independent roundings do.
     """
-    image, (wide, magnitude) = facts["image"], spread(p, facts)
-    sides = zip(p.deviations, (image.height, image.width), strict=True)
-    (rows, below), (columns, beside) = (dct_modes(sigma, size, tail) for sigma, size in sides)
+    wide, magnitude = spread(p, facts)
+    (rows, below), (columns, beside) = (dct_modes(sigma, size, tail) for sigma, size in asked(p, facts).sides)
     dropped = below + beside
     rounding = (8 + 3 * math.sqrt(rows + columns)) * ROUNDING * magnitude
     return Error(dropped * (1 + dropped) * wide + rounding, "estimate", rounding)
@@ -180,8 +197,8 @@ def dct_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
 
 def dct_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     """Multiply-adds of the four products, and what it takes to read the image, to write it and to flip the modes."""
-    image, (down, across) = facts["image"], p.deviations
-    rows, columns = dct_modes(down, image.height, tail)[0], dct_modes(across, image.width, tail)[0]
+    image = facts["image"]
+    rows, columns = (dct_modes(sigma, size, tail)[0] for sigma, size in asked(p, facts).sides)
     few = rows * image.width * image.channels
     return 2.0 * image.samples * rows + 11.0 * few * columns + 160.0 * image.samples + 2200.0 * few
 
@@ -191,19 +208,18 @@ def dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
         return f"the border is {p.border}; a cosine transform continues by reflection"
     if reason := _not_plain(p, facts):
         return reason
-    image = facts["image"]
-    sides = zip(p.deviations, (image.height, image.width), strict=True)
-    if max(dct_modes(sigma, size, 1e-7)[0] for sigma, size in sides) > MOST_MODES:
+    if max(dct_modes(sigma, size, 1e-7)[0] for sigma, size in asked(p, facts).sides) > MOST_MODES:
         return f"more than {MOST_MODES} modes pass so narrow a kernel"
-    if image.extent.nonfinite:
+    if facts["image"].extent.nonfinite:
         return "a transform would spread NaN and infinity over the whole image"
     return None
 
 
 def _not_plain(p: Parameters, facts: InputFacts) -> str | None:
-    if p.turned is not None:
+    request = asked(p, facts)
+    if request.turned is not None:
         return "its axes are turned; rows and columns cannot be filtered one after the other"
-    if leaves_out(p.missing, facts):
+    if request.renormalised:
         return "pixels are left out; which ones have a value must not depend on how the kernel is approximated"
     return None
 
@@ -245,37 +261,30 @@ def recursive_error(filters: Filters) -> Callable[[Parameters, float, InputFacts
     return error
 
 
-def deriche_extents(p: Parameters, order: float) -> tuple[Extent, Extent]:
-    """Of `deriche_filters`."""
-    down, across = _within(p, 1e-2)
-    return deriche_extent(down, int(order) // 2 * 2), deriche_extent(across, int(order) // 2 * 2)
+PASSED = 80.0
+"""Multiply-adds that take as long as moving a sample through one pass along lines."""
 
 
-def vliet_young_extents(p: Parameters, order: float) -> tuple[Extent, Extent]:
-    """Of `vliet_young_filters`."""
-    down, across = _within(p, NARROWEST)
-    return vliet_young_extent(down, int(order)), vliet_young_extent(across, int(order))
+Extent = Callable[[float, int], tuple[int, int]]
+"""The reach of a filter of some deviation and order, and how many poles it has."""
 
 
-Extent = tuple[int, int]
-"""The reach of a filter, and how many poles it has."""
-Extents = Callable[[Parameters, float], tuple[Extent, Extent]]
-
-
-def recursive_work(extents: Extents) -> Callable[[Parameters, float, InputFacts], float]:
-    """Steps of the states, beside what it takes to read, turn and write the image twice; and sums before each line."""
+def recursive_work(extent: Extent, even: int = 1, low: float = NARROWEST) -> Callable[..., float]:
+    """Steps of the states, beside what it takes to read, turn and write the image twice; and sums before each line.
+    Orders are multiples of `even`, deviations at least `low`."""
 
     def work(p: Parameters, order: float, facts: InputFacts) -> float:
-        image, total = facts["image"], 0.0
-        for (reach, poles), side in zip(extents(p, order), (image.height, image.width), strict=True):
-            total += image.samples * (PASSED + poles * (12 + 26 * min(reach / side, 1.0)))
-        return total
+        total, whole = 0.0, int(order) // even * even
+        for sigma, side in asked(p, facts).sides:
+            reach, poles = extent(min(max(sigma, low), RECURSIVE), whole)
+            total += PASSED + poles * (12 + 26 * min(reach / side, 1.0))
+        return facts["image"].samples * total
 
     return work
 
 
-PASSED = 80.0
-"""Multiply-adds that take as long as moving a sample through one pass along lines."""
+deriche_work = recursive_work(deriche_extent, 2, 1e-2)
+vliet_young_work = recursive_work(vliet_young_extent)
 
 
 APART: Mapping[str, Mapping[float, float]] = {
@@ -290,7 +299,8 @@ def least_error(method: str) -> Callable[[Parameters, float, InputFacts], float]
     """Of the worse pass, by whole values of the knob."""
 
     def least(p: Parameters, knob: float, facts: InputFacts) -> float:
-        if p.turned is not None or not 1 <= max(p.deviations) <= RECURSIVE:
+        turned, _, ((down, _), (across, _)), _ = asked(p, facts)
+        if turned is not None or not 1 <= max(down, across) <= RECURSIVE:
             return 0.0
         return APART[method].get(knob, 0.0) * spread(p, facts)[0]
 
@@ -302,10 +312,11 @@ def recursive_unfit(p: Parameters, facts: InputFacts, narrowest: float = 1e-2) -
         return reason
     if facts["image"].extent.nonfinite:
         return "a recursion never forgets NaN or infinity"
-    if max(p.deviations) > RECURSIVE:
+    sigmas = [sigma for sigma, _ in asked(p, facts).sides]
+    if max(sigmas) > RECURSIVE:
         return f"beyond {RECURSIVE:g} px the poles lie too near to 1 for float32"
-    if min(p.deviations) < narrowest:
-        return f"no such filter is as narrow as {min(p.deviations):g} px"
+    if min(sigmas) < narrowest:
+        return f"no such filter is as narrow as {min(sigmas):g} px"
     return None
 
 
@@ -326,8 +337,6 @@ def boxes_error(p: Parameters, extended: float, facts: InputFacts) -> Error:
 
 
 def boxes_work(p: Parameters, extended: float, facts: InputFacts) -> float:
-    image = facts["image"]
-    beyond = sum(
-        2 * each.reach / side for each, side in zip(both_boxes(p, extended), (image.height, image.width), strict=True)
-    )
-    return image.samples * (2 + beyond / 3) * (PASSED + 16)
+    widths = [(boxes(min(sigma, RECURSIVE), extended >= 0.5), side) for sigma, side in asked(p, facts).sides]
+    beyond = sum(2 * each.reach / side for each, side in widths)
+    return facts["image"].samples * (2 + beyond / 3) * (PASSED + 16)

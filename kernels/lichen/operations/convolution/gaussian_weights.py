@@ -16,8 +16,11 @@ import numpy.typing as npt
 from lichen.memory import Array, aligned
 
 Vector = npt.NDArray[np.float64]
+Modes = npt.NDArray[np.int_]
 BARELY = 1e-17
 """Weight below which a tap changes nothing even in float64."""
+MOST_TAIL = 0.5
+"""The largest that may be asked for."""
 
 
 @lru_cache(maxsize=64)
@@ -47,7 +50,7 @@ def fir_radius(sigma: float, tail: float) -> tuple[int, float]:
 
 def _falls_to(values: Vector, limit: float) -> int:
     """Of falling values the place of the first that is at most `limit`; their number where none is."""
-    return len(values) - int(np.searchsorted(values[::-1], limit, side="right"))
+    return len(values) - int(values[::-1].searchsorted(limit, "right"))
 
 
 def fir_weights(sigma: float, tail: float) -> Vector:
@@ -58,30 +61,41 @@ def fir_weights(sigma: float, tail: float) -> Vector:
     return np.concatenate([half[:0:-1], half])
 
 
-def eigenvalues(sigma: float, size: int, count: int) -> Vector:
-    """Of the pass over `size` reflecting samples: modes 0 to `count` - 1, each in (0, 1]."""
-    angles = np.pi * np.arange(count) / size
-    if sigma < 2:
+def eigenvalues(sigma: float, size: int, modes: Modes) -> Vector:
+    """Of the pass over `size` reflecting samples: each in (0, 1]."""
+    angles = np.pi * modes / size
+    if sigma < 0.75:
         half = half_kernel(sigma)
         direct: Vector = half[0] + 2 * np.cos(np.outer(angles, np.arange(1, len(half)))) @ half[1:]
         return direct
     spectrum: Vector = np.exp(-0.5 * np.square(sigma * angles))
-    return spectrum  # the aliases of Poisson's sum lie below 1e-8 at worst, where they meet modes as small as they
+    if sigma < 2:  # beyond, the aliases of Poisson's sum lie below 1e-8, where they meet modes as small as they
+        aliases = np.array([-4, -2, 2, 4]) * np.pi
+        spectrum += np.exp(-0.5 * np.square(sigma * (angles[:, np.newaxis] + aliases))).sum(axis=1)
+        spectrum /= 1 + np.exp(-0.5 * np.square(sigma * aliases)).sum()
+    return spectrum
 
 
 @lru_cache(maxsize=64)
-def _dropped(sigma: float, size: int) -> Vector:
-    """What the eigenvalues of modes >= m sum to, for m = 0, 1, 2 ... and all of them; it falls to 0."""
-    reach = min(size, math.ceil(size / (math.pi * max(sigma, 0.1)) * math.sqrt(-2 * math.log(BARELY))) + 2)
-    return np.append(np.cumsum(eigenvalues(sigma, size, reach)[::-1])[::-1], 0.0)
+def _dropped(sigma: float, size: int, most: float) -> tuple[int, Vector]:
+    """How many modes matter, and what the eigenvalues of the last n of them sum to, for n = 0, 1, 2 ... until it is
+    more than `most`: a narrow Gaussian passes nearly all modes, and the others need not be looked at."""
+    count = min(size, math.ceil(size / (math.pi * max(sigma, 0.1)) * math.sqrt(-2 * math.log(BARELY))) + 2)
+    sums, more = np.zeros(1), 64
+    while len(sums) <= count and sums[-1] <= most:
+        last = count - len(sums)  # of those that are left
+        found = eigenvalues(sigma, size, np.arange(last, max(last - more, -1), -1))
+        sums = np.concatenate([sums, np.cumsum(np.append(sums[-1], found))[1:]])
+        more *= 4
+    return count, sums
 
 
 @lru_cache(maxsize=1024)
 def dct_modes(sigma: float, size: int, tail: float) -> tuple[int, float]:
     """How many modes are kept so that the eigenvalues of the others sum to at most `tail`, and that sum."""
-    left = _dropped(sigma, size)
-    kept = max(_falls_to(left, tail), 1)
-    return kept, float(left[kept])
+    count, sums = _dropped(sigma, size, 1e-2 if tail <= 1e-2 else MOST_TAIL)
+    dropped = min(int(sums.searchsorted(tail, "right")), count) - 1
+    return count - dropped, float(sums[dropped])
 
 
 @lru_cache(maxsize=16)
@@ -90,5 +104,5 @@ def dct_bases(sigma: float, size: int, tail: float) -> tuple[Array, Array]:
     kept, _ = dct_modes(sigma, size, tail)
     modes = np.arange(kept)
     waves = np.cos(np.pi / size * np.outer(modes, np.arange(size) + 0.5))
-    weights = eigenvalues(sigma, size, kept) * np.where(modes == 0, 1.0, 2.0)
+    weights = eigenvalues(sigma, size, modes) * np.where(modes == 0, 1.0, 2.0)
     return aligned(waves / size, np.float32), aligned((waves * weights[:, None]).T, np.float32)

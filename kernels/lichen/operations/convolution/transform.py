@@ -9,6 +9,8 @@ Source: Oppenheim and Schafer, Discrete-Time Signal Processing (1989), 8.7.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from lichen.memory import Array, aligned_empty
@@ -78,6 +80,7 @@ def transform_sides(height: int, width: int, kernel: tuple[int, ...]) -> tuple[i
     return _smooth_size(height + tall - 1), _smooth_size(width + wide - 1)
 
 
+@lru_cache(1024)
 def _smooth_size(least: int) -> int:
     """The smallest number >= `least` without prime factors beyond 5."""
     while True:

@@ -54,8 +54,10 @@ if TYPE_CHECKING:
 
     from lichen.opencl.device import Device
 
-FINER = 16
-"""Places between two entries of a table at which its error is looked for."""
+SHARES = np.arange(1, 16) / 16
+"""Where between two entries of a table its error is looked for."""
+WORST = 16
+"""Pairs of entries that are looked at so, of many."""
 
 
 class Parameters(OperationParameters):
@@ -115,11 +117,19 @@ class Lens:
 
 
 @lru_cache(maxsize=256)
-def _table_error(lens: Lens, entries: int) -> float:
-    """The largest at 16 places between every two entries, and a tenth more for what lies between those."""
-    places = np.linspace(0, lens.farthest, (entries - 1) * FINER + 1)
-    linear = np.interp(places, np.linspace(0, lens.farthest, entries), lens.table(entries))
-    return 1.1 * float(np.abs(linear - lens.gain(places)).max())
+def tabled(lens: Lens, entries: int) -> tuple[float, float]:
+    """The largest error at 16 places between two entries, and a tenth more for what lies between those; and the largest
+    step between two entries. Of a long table, it is looked for where it is among the largest half way, and where the
+    gain comes to its limit: elsewhere it bends steadily."""
+    step, made, cells = lens.farthest / (entries - 1), lens.table(entries), np.arange(entries - 1)
+    steps = np.diff(made)
+    if entries > 2 * WORST:
+        halfway = np.abs(made[:-1] + steps / 2 - lens.gain((cells + 0.5) * step))
+        limited = min(max(int(np.count_nonzero(made < lens.p.largest)) - 1, 0), entries - 2)
+        cells = np.append(np.argpartition(halfway, -WORST)[-WORST:], limited)
+    linear = made[cells, np.newaxis] + steps[cells, np.newaxis] * SHARES
+    apart = np.abs(linear - lens.gain((cells[:, np.newaxis] + SHARES) * step))
+    return 1.1 * float(apart.max()), float(np.abs(steps).max())
 
 
 def _lens(p: Parameters, facts: InputFacts) -> Lens:
@@ -144,12 +154,18 @@ def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 
 
 def _tabled_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    lens, entries, image = _lens(p, facts), round(knob), facts["image"].extent.magnitude
-    # A place in the table is off by a few roundings of its number.
-    steepest = float(np.abs(np.diff(lens.table(entries))).max())
-    off = _table_error(lens, entries) + 4 * ROUNDING * entries * steepest
+    entries, image = round(knob), facts["image"].extent.magnitude
+    apart, steepest = tabled(_lens(p, facts), entries)
+    off = apart + 4 * ROUNDING * entries * steepest  # a place in the table is off by a few roundings of its number
     rounding = _rounding(p, facts)
     return Error(min(off * image + rounding, FLOAT_MAX), "estimate", rounding)
+
+
+def _tabled_least(p: Parameters, knob: float, facts: InputFacts) -> float:
+    """Half way between the first two entries."""
+    lens = _lens(p, facts)
+    first, halfway, second = lens.gain(np.array([0.0, 0.5, 1.0]) * (lens.farthest / (round(knob) - 1)))
+    return abs(float(first + second) / 2 - float(halfway)) * facts["image"].extent.magnitude
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
@@ -273,6 +289,7 @@ class Exact:
     "table",
     knob=Knob("entries", (8, 32, 128, 1024), "gains along the radius", 2, 65536),
     error=_tabled_error,
+    least=_tabled_least,
     work=lambda p, knob, facts: facts["image"].pixels * (2.0 + facts["image"].channels) + knob,
     rates={"opencl": Rate(3e-4, 4e-10), "numpy": Rate(2e-4, 8e-9)},
 )

@@ -28,6 +28,7 @@ from pydantic import Field
 
 from lichen.image import Image
 from lichen.memory import Array, aligned
+from lichen.once import latest
 from lichen.operation import ROUNDING, WHOLE, Error, Facts, HardCase, InputFacts, Inputs, Light, Operation, Rate
 from lichen.operations.lighting.errors import finite
 from lichen.operations.lighting.launch import on_numpy, on_opencl
@@ -67,19 +68,23 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     return replace(made, height=height, width=width)
 
 
+@latest
+def _lit(p: Parameters, facts: InputFacts) -> tuple[Error, float]:
+    """The error of lighting with the mean's rounding, and the brightest that it makes."""
+    made, most = lighting.methods["exact"].error(p, 0.0, facts), lighting.result(p, facts).extent.high
+    more = ROUNDING * most
+    return replace(made, value=finite(made.value + more), rounding=finite(made.rounding + more)), most
+
+
 def _lit_first_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    """Of lighting, and the mean's rounding."""
-    made = lighting.methods["exact"].error(p, knob, facts)
-    more = ROUNDING * lighting.result(p, facts).extent.high
-    return replace(made, value=finite(made.value + more), rounding=finite(made.rounding + more))
+    return _lit(p, facts)[0]
 
 
 def _filtered_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     """Both are light that surfaces may send: no more than its range apart."""
-    exact = _lit_first_error(p, knob, facts)
+    exact, most = _lit(p, facts)
     if p.factor == 1:
         return exact
-    most = lighting.result(p, facts).extent.high
     signed = any(facts[name].extent.low < 0 for name in ("albedo", "specular") if name in facts)
     return Error(finite(exact.value + most * (1 + signed)), "estimate", exact.rounding, finite(most * USUAL))
 

@@ -17,6 +17,7 @@ from pydantic import Field
 
 from lichen.errors import Flaw
 from lichen.memory import Array
+from lichen.once import latest
 from lichen.operation import (
     POINTWISE,
     Facts,
@@ -52,7 +53,12 @@ class Parameters(OperationParameters):
 
     @property
     def as_transfer(self) -> TransferParameters:
-        return TransferParameters.model_validate({"curve": Curve.GAMMA, **self.model_dump()})
+        return _as_transfer(self)
+
+
+@latest
+def _as_transfer(p: Parameters) -> TransferParameters:
+    return TransferParameters.model_validate({"curve": Curve.GAMMA, **p.model_dump()})
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:

@@ -13,6 +13,7 @@ from typing import Protocol
 
 from lichen.errors import Flaw
 from lichen.image import Extent
+from lichen.once import latest
 from lichen.operation import ROUNDING, Error, Facts, InputFacts, Knob
 from lichen.operations.warp import kernels
 from lichen.operations.warp.shears import line_kernel
@@ -67,6 +68,7 @@ class Bordered(Protocol):
     def value(self) -> float: ...
 
 
+@latest
 def value_range(facts: Facts, p: Bordered) -> tuple[float, float]:
     """Lowest and highest value that takes part; the background always may."""
     return min(facts.extent.low, p.value), max(facts.extent.high, p.value)
@@ -101,6 +103,13 @@ def error_of(method: str, p: Bordered, knob: float, facts: InputFacts, *, shrink
     # What both interpolate alike does not count, and two means are no further apart than the spread.
     apart = spread if method in ("supersampled", "ewa") else spread * (gain + TRUTH_GAIN) / 2
     return Error(apart + least, "bound", least, spread * typical(method, knob, shrinks=shrinks) + least)
+
+
+def least_of(method: str, p: Bordered, knob: float, facts: InputFacts, *, shrinks: bool) -> float:
+    """As `error_of`, at least and usually, rounding aside."""
+    low, high = value_range(facts["image"], p)
+    exact = method in ("lanczos3", "supersampled", "ewa") and not shrinks
+    return 0.0 if exact else (high - low) * typical(method, knob, shrinks=shrinks)
 
 
 def shears_error(p: Bordered, size: float, facts: InputFacts) -> Error:

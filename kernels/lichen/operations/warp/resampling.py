@@ -30,6 +30,7 @@ from pydantic import Field
 from lichen.errors import Flaw
 from lichen.image import Alpha
 from lichen.memory import Array, aligned
+from lichen.once import latest
 from lichen.opencl.device import Device
 from lichen.operation import (
     WHOLE,
@@ -58,6 +59,7 @@ from lichen.operations.warp.prediction import (
     Size,
     check_size,
     error_of,
+    least_of,
     most_of,
     reach_of,
     result_facts,
@@ -119,6 +121,10 @@ class Warp(Generic[P]):
 
     def source(self, inputs: Inputs, p: P) -> Source:
         return Source(inputs["image"].pixels, self.closed(p) or p.border, p.value)
+
+    def preparing(self, p: P, facts: InputFacts) -> float:
+        """What it takes to make the source ready, in pixels of the result."""
+        return 0.0
 
     def extent_of(self, inputs: Inputs, p: P) -> Size:
         """Of the whole result."""
@@ -233,10 +239,26 @@ def declare(
     return operation
 
 
+@latest
 def _work(warp: Warp[P], p: P, facts: InputFacts) -> float:
     """Pixels of the result, in blocks of four channels."""
     width, height = warp.made(p, facts)
     return width * height * -(-facts["image"].channels // 4)
+
+
+AVERAGED = 8
+"""Steps that a pixel takes beside the samples of its ellipse, where steps are samples."""
+SHAPED, TAKEN = 104, 2 / 3
+"""Of maps of which it is not known how they shrink, as found for the examples: steps that shaping an ellipse takes, and
+the share of its samples. Most pixels lie where little shrinks, and take few, whatever the knob says."""
+
+
+def _ellipse(warp: Warp[P], p: P, samples: float, facts: InputFacts) -> float:
+    """Steps of a pixel, on average."""
+    if not warp.shrinks(p, facts):
+        return AVERAGED
+    inside = 8 * samples * reach_of(samples) ** 2
+    return AVERAGED + inside if warp.largest(p, facts) is not None else SHAPED + TAKEN * inside
 
 
 def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Rate) -> None:
@@ -268,7 +290,8 @@ def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Ra
     operation.method(
         kernel.name,
         error=lambda p, knob, facts: error_of(kernel.name, p, knob, facts, shrinks=warp.shrinks(p, facts)),
-        work=lambda p, knob, facts: _work(warp, p, facts),
+        least=lambda p, knob, facts: least_of(kernel.name, p, knob, facts, shrinks=warp.shrinks(p, facts)),
+        work=lambda p, knob, facts: _work(warp, p, facts) + warp.preparing(p, facts),
         rates={"opencl": rate, "numpy": Rate(3e-4, 1e-7 * kernel.taps**2)},
         scratch=8.3 if prefiltered else 0.1,
     )(ByKernel)
@@ -290,7 +313,8 @@ def _add_mip(operation: Operation[P], warp: Warp[P]) -> None:
         "mip",
         scratch=0.4,
         error=lambda p, knob, facts: error_of("mip", p, knob, facts, shrinks=warp.shrinks(p, facts)),
-        work=lambda p, knob, facts: _work(warp, p, facts) + facts["image"].samples / 4,
+        least=lambda p, knob, facts: least_of("mip", p, knob, facts, shrinks=warp.shrinks(p, facts)),
+        work=lambda p, knob, facts: _work(warp, p, facts) + warp.preparing(p, facts) + facts["image"].samples / 4,
         rates={"opencl": Rate(1.5e-3, 1.4e-8), "numpy": Rate(2e-3, 6e-7)},
     )
     class Mip:
@@ -314,7 +338,11 @@ def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
         scratch=0.1,
         knob=POINTS,
         error=lambda p, knob, facts: error_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
-        work=lambda p, knob, facts: _work(warp, p, facts) * (8 + (knob**2 if warp.shrinks(p, facts) else 0)),
+        least=lambda p, knob, facts: least_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
+        work=lambda p, knob, facts: (
+            _work(warp, p, facts) * (AVERAGED + (knob**2 if warp.shrinks(p, facts) else 0))
+            + AVERAGED * warp.preparing(p, facts)
+        ),
         rates={"opencl": Rate(6e-4, 3.7e-9), "numpy": Rate(2e-3, 2.5e-7)},
     )
     class Supersampled:
@@ -339,8 +367,11 @@ def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
         scratch=0.4,
         knob=SAMPLES,
         error=lambda p, knob, facts: error_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
+        least=lambda p, knob, facts: least_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: (
-            _work(warp, p, facts) * (8 + (8 * knob * reach_of(knob) ** 2 if warp.shrinks(p, facts) else 0))
+            _work(warp, p, facts) * _ellipse(warp, p, knob, facts)
+            + AVERAGED * warp.preparing(p, facts)
+            + (facts["image"].samples / 2 if warp.shrinks(p, facts) else 0)
         ),
         rates={"opencl": Rate(1.5e-3, 6.5e-10), "numpy": Rate(3e-3, 2e-7)},
     )

@@ -128,7 +128,33 @@ def _rows(
     at = continued(columns, before, border)
     constant = np.where(at == OUTSIDE, weights, 0.0).sum(axis=1)
     weights = np.where(at == OUTSIDE, 0.0, weights)
-    return *_merged(at, weights, before), constant
+    inside = (columns[:, 0] >= 0) & (columns[:, -1] < before)
+    inner = _compacted(columns[inside], weights[inside])
+    outer = _merged(at[~inside], weights[~inside], before)
+    return *_together(inside, inner, outer), constant
+
+
+Taken = tuple[npt.NDArray[np.int64], Doubles]
+"""Samples and their weights."""
+
+
+def _together(inside: npt.NDArray[np.bool_], inner: Taken, outer: Taken) -> Taken:
+    """Rows of both, in their places, as wide as the wider."""
+    width = max(each.shape[1] for each, _ in (inner, outer) if len(each))
+    index, weights = np.empty((len(inside), width), np.int64), np.zeros((len(inside), width))
+    for which, (at, own) in ((inside, inner), (~inside, outer)):
+        index[which] = at[:, :1]
+        index[which, : at.shape[1]], weights[which, : at.shape[1]] = at, own
+    return index, weights
+
+
+def _compacted(columns: npt.NDArray[np.int64], weights: Doubles) -> Taken:
+    """As `_merged`, of rows that take no sample twice: much quicker, and nearly all rows are such."""
+    order = np.argsort(weights == 0, axis=1, kind="stable")
+    weights = np.take_along_axis(weights, order, axis=1)
+    width = max(int(np.count_nonzero(weights, axis=1).max(initial=0)), 1)
+    weights, columns = weights[:, :width], np.take_along_axis(columns, order[:, :width], axis=1)
+    return np.where(weights == 0, columns[:, :1], columns), weights
 
 
 def _merged(at: npt.NDArray[np.int64], weights: Doubles, before: int) -> tuple[npt.NDArray[np.int64], Doubles]:

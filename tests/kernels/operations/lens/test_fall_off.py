@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 import lichen
+from lichen.operations.lens.vignette import Lens, Parameters, tabled
 
 BACKENDS = ("opencl", "numpy")
 BOTH = pytest.mark.parametrize("backend", BACKENDS)
@@ -57,6 +58,20 @@ def test_more_entries_cost_less_error() -> None:
         assert off <= result.error.value
         assert off < last / 6
         last = off
+
+
+@pytest.mark.parametrize("entries", [5, 33, 128, 1024])
+@pytest.mark.parametrize("mechanical", [0.0, 0.6, 1.0])
+@pytest.mark.parametrize("largest", [1.0, 3.0, 16.0])
+def test_the_largest_error_of_a_table_is_found_wherever_it_is(entries: int, mechanical: float, largest: float) -> None:
+    """Where the gain comes to its limit, say: looked for at all places here, and at the likely ones there."""
+    for remove, centre in ((False, (0.5, 0.5)), (True, (0.1, 0.7))):
+        p = Parameters(fov=80, mechanical=mechanical, remove=remove, largest=largest, centre=centre)
+        lens = Lens(p, 123, 77)
+        places = np.linspace(0, lens.farthest, (entries - 1) * 16 + 1)
+        gains = lens.gain(places)
+        expected = 1.1 * np.abs(np.interp(places, places[::16], gains[::16]) - gains).max()
+        assert tabled(lens, entries)[0] == pytest.approx(expected, rel=1e-6, abs=1e-12)
 
 
 @BOTH

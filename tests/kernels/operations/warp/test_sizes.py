@@ -13,6 +13,7 @@ from lichen.image import Image, Space, as_image
 from lichen.operation import Border
 from lichen.operations.warp.kernels import LANCZOS3
 from lichen.operations.warp.pyramid import Halving, taps
+from lichen.operations.warp.resize import METHODS, apart, table
 from lichen.operations.warp.separable import Axis, axis
 
 NOISE = np.random.default_rng(5).random((48, 64), dtype=np.float32)
@@ -70,6 +71,25 @@ def test_weights_of_an_axis_sum_to_one(border: Border, sizes: tuple[int, int]) -
     np.testing.assert_allclose(made.weights.sum(axis=1) + made.constant, 1, atol=1e-12)
     assert made.index.min() >= 0
     assert made.index.max() < sizes[0]
+
+
+@pytest.mark.parametrize("border", list(Border))
+@pytest.mark.parametrize("sizes", [(1, 5), (6, 2), (9, 40), (40, 9), (33, 57), (400, 11)])
+def test_kernels_are_as_far_apart_as_their_matrices(border: Border, sizes: tuple[int, int]) -> None:
+    """The stated error of a resize is a sum over windows; here it is one over whole rows, with the constant's."""
+    before, after = sizes
+
+    def matrix(method: str) -> np.ndarray:
+        made = table(before, after, method, border)
+        whole = np.zeros((after, before + 1))
+        np.add.at(whole, (np.arange(after)[:, None], made.index), made.weights)
+        whole[:, before] = made.constant
+        return whole
+
+    for method in METHODS:
+        off = matrix(method) - matrix("lanczos3")
+        expected = np.abs(off).sum(axis=1).max(), np.sqrt(np.square(off).sum() / after)
+        assert apart(before, after, method, border) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("channels", [1, 3, 4, 5])
