@@ -14,8 +14,8 @@ DEPROJECT_FN double8 planar(double8 z, double8 x, double y, global const double 
     if (kind == 1)
         return z / sqrt((1.0 + x * x) + y * y);
     if (kind == 2) {
-        double8 below = terms[1] + terms[2] * z;
-        return below <= 0.0 ? (double8)(INFINITY) : terms[0] / below;
+        double8 below = terms[1] + terms[2] * z, made = terms[0] / below;
+        return (below <= 0.0) | (made > (double)FLT_MAX) ? (double8)(INFINITY) : made;
     }
     return z;
 }

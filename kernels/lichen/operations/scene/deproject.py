@@ -105,6 +105,13 @@ deproject = Operation(
             parameters={"depth_kind": "window", "near": 1, "fov": 90},
             holds=_are((-4, 0, -2), (math.inf,) * 3, (math.inf,) * 3),
         ),
+        HardCase(
+            name="a reversed depth so small that no float32 holds the distance",
+            why="one that is far but not infinite is 0 in the middle of the picture and infinite beside it",
+            inputs=_row(0.25, 1e-45, 0.0),
+            parameters={"depth_kind": "reversed", "near": 1, "fov": 90},
+            holds=_are((-8, 0, -4), (math.inf,) * 3, (math.inf,) * 3),
+        ),
     ),
 )
 
