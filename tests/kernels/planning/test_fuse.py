@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
 import pytest
 
 import lichen
-from lichen import execution
+from lichen import engine, execution
 from lichen.errors import DeviceFailure
 from lichen.execution import by_chain, by_method
 from lichen.image import Alpha, Image, Space
 from lichen.opencl import programs
-from lichen.opencl.device import default_device
+from lichen.opencl.device import LANES, default_device
 from lichen.operation import Error, Facts, Method, Operation, no_stage
 from lichen.operations.compositing.blending import Operator
 from lichen.planning import fuse
@@ -194,6 +195,16 @@ def test_a_convolution_goes_on_one_after_the_other_where_there_are_too_many_kern
     monkeypatch.setattr(execution, "compose", lambda text: None)
     apart = lichen.run_pipeline(f"{KERNEL}|{SAME}", image, device="opencl", max_error=1.0)["result"]
     np.testing.assert_array_equal(apart.image.pixels, fused.image.pixels)
+
+
+def test_a_convolution_goes_on_one_after_the_other_where_items_step_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, device = Image(np.random.default_rng(1).random((8, 8, 3), dtype=np.float32)), default_device()
+    assert device is not None
+    fused = lichen.run_pipeline(f"{KERNEL}|{SAME}", image, device="opencl", max_error=1.0)["result"]
+    monkeypatch.setattr(engine, "default_device", lambda: dataclasses.replace(device, lanes=LANES))
+    apart = lichen.run_pipeline(f"{KERNEL}|{SAME}", image, device="opencl", max_error=1.0)["result"]
+    assert apart.plan.graph.fused == fused.plan.graph.fused
+    np.testing.assert_allclose(apart.image.pixels, fused.image.pixels, rtol=0, atol=1e-6)
 
 
 def test_where_chains_are_not_fused() -> None:

@@ -112,9 +112,10 @@ def correlate(
     tail: Tail | None = None,
 ) -> None:
     """Launch the stencil from one array of shape (height, width, channels) to another; `add` to what is there. A `tail`
-    is for stencils of `TAILED` taps a side, which are in one part."""
+    is for stencils of `TAILED` taps a side, which are in one part, and for processors."""
     height, width, channels = source.shape
     if session.in_step:
+        assert tail is None, "no kernel of these devices goes on with a chain"
         places = np.argwhere(stencil.taps)
         weights = aligned(stencil.taps[tuple(places.T)] if len(places) else np.zeros(1))
         apart(
