@@ -14,10 +14,14 @@ from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any
 
+from pydantic import BaseModel
 
-def kind(parameters: Iterable[tuple[str, Any]], inputs: Iterable[str]) -> str:
-    """A few letters that stand for it; parameters as names and values."""
-    return _letters(tuple([(name, _shape(value)) for name, value in parameters]), tuple(sorted(inputs)))
+
+def kind(parameters: BaseModel, inputs: Iterable[str]) -> str:
+    """A few letters that stand for it."""
+    # Not what iterating a model gives, which is what it keeps of its own findings, too.
+    told = [(name, _shape(getattr(parameters, name))) for name in type(parameters).model_fields]
+    return _letters(tuple(told), tuple(sorted(inputs)))
 
 
 @lru_cache(1024)
