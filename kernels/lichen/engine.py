@@ -28,7 +28,7 @@ from lichen.opencl.device import Device, default_device, status
 from lichen.opencl.extent import extent as device_extent
 from lichen.operation import Error, Facts
 from lichen.order import Order, Picture, read_order, read_pipeline_order
-from lichen.planning.graph import RESULT, TRUTH, Decision, Graph
+from lichen.planning.graph import RESULT, Decision, Graph
 from lichen.planning.hidden import thin
 from lichen.planning.pipeline import Pipeline
 from lichen.planning.plan import Plan
@@ -327,9 +327,8 @@ def select_device(name: str | None) -> Device | None:
     Raises `InvalidRequest` for a name that is none, `DeviceFailure` where OpenCL was named and cannot be had.
     """
     if name is not None and name not in times.BACKENDS:
-        raise InvalidRequest(
-            "The device is not known.", [Flaw("/device", f"{name!r} is none; {nearest(name, times.BACKENDS)}")]
-        )
+        flaw = Flaw("/device", f"{name!r} is none; {nearest(name, times.BACKENDS)}")
+        raise InvalidRequest("The device is not known.", [flaw])
     found = None if name == "numpy" else default_device()
     if found is None and name == "opencl":
         raise DeviceFailure(f"OpenCL cannot be used: {status().reason}")
@@ -338,13 +337,6 @@ def select_device(name: str | None) -> Device | None:
 
 def _backend(device: Device | None) -> str:
     return "opencl" if device else "numpy"
-
-
-def _ran_on(device: Device | None, plan: Plan) -> str:
-    """Where what was asked for was computed, as `Plan.method` says how: not the conversions around it."""
-    asked = [node.choice for node in plan.graph.nodes if plan.request.target in ("", node.name)]
-    defined = plan.graph.precision is Precision.FLOAT64 or all(each and each.method == TRUTH for each in asked)
-    return "numpy" if asked and defined else _backend(device)
 
 
 def _prepared(read: Callable[[str], Order], named: str | None, decided: tuple[Decision, ...] = ()) -> Prepared:
@@ -383,11 +375,11 @@ def _run(prepared: Prepared, further: Sequence[Decision], shared: Shared | None,
         timing["verify"] = time.perf_counter() - started
         unmeasured = [(name, each) for name, each in found.items() if each.measured is None]
         further = (*further, *(Decision("verify", name, "left out", each.reason) for name, each in unmeasured))
-    target = order.request.target
-    reported = findings.get(target, {}) if target else findings
+    reported = findings.get(order.request.target, {}) if order.request.target else findings
     decisions = (*plan.decisions, *further)
+    device = _backend(None if plan.by_definition else prepared.device)
     return {
-        name: Result(image, plan, _ran_on(prepared.device, plan), timing, decisions, found.get(name), reported, name)
+        name: Result(image, plan, device, timing, decisions, found.get(name), reported, name)
         for name, image in images.items()
     }
 

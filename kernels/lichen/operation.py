@@ -17,12 +17,10 @@ The parts, in the order a reader meets them:
 
 from __future__ import annotations
 
-import contextlib
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
@@ -35,6 +33,7 @@ from lichen.parameters import Border as Border
 from lichen.parameters import Degrees as Degrees
 from lichen.parameters import OperationParameters as OperationParameters
 from lichen.parameters import Pixels as Pixels
+from lichen.parameters import from_text
 from lichen.part import POINTWISE as POINTWISE
 from lichen.part import WHOLE as WHOLE
 from lichen.part import Footprint as Footprint
@@ -383,7 +382,7 @@ class Operation(Generic[P]):
         JSON.
         """
         fields = self.parameters.model_fields
-        prepared = {name: _from_text(value, fields.get(name)) for name, value in values.items()}
+        prepared = {name: from_text(value, fields.get(name)) for name, value in values.items()}
         try:
             return self.parameters.model_validate(prepared)
         except ValidationError as invalid:
@@ -393,12 +392,3 @@ class Operation(Generic[P]):
     def schema(self) -> dict[str, Any]:
         """JSON Schema (2020-12) of the parameters."""
         return self.parameters.model_json_schema()
-
-
-def _from_text(value: Any, field: Any) -> Any:
-    """Text of a JSON array or object is parsed, and a number of a literal type found; the rest is left to the model."""
-    if isinstance(value, str) and value[:1] in ("[", "{"):
-        with contextlib.suppress(ValueError):
-            return json.loads(value)
-    known = get_args(field.annotation) if field and get_origin(field.annotation) is Literal else ()
-    return next((each for each in known if str(each) == value), value)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import inspect
+import json
 import textwrap
 from collections.abc import Mapping
 from enum import StrEnum
 from functools import cache, cached_property
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
@@ -82,3 +84,12 @@ def _described(model: type) -> dict[str, str]:
                 if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
                     found[field.target.id] = inspect.cleandoc(str(after.value.value))
     return found
+
+
+def from_text(value: Any, field: Any) -> Any:
+    """Text of a JSON array or object is parsed, and a number of a literal type found; the rest is left to the model."""
+    if isinstance(value, str) and value[:1] in ("[", "{"):
+        with contextlib.suppress(ValueError):
+            return json.loads(value)
+    known = get_args(field.annotation) if field and get_origin(field.annotation) is Literal else ()
+    return next((each for each in known if str(each) == value), value)

@@ -20,8 +20,9 @@ from itertools import product
 
 from lichen.errors import Flaw, Unattainable
 from lichen.operation import Error, Facts
+from lichen.planning.candidates import Candidate, Offers
 from lichen.planning.error import Choices, errors, total_error, total_seconds
-from lichen.planning.graph import Candidate, Graph, Node, Offers, Request
+from lichen.planning.graph import Graph, Node, Request
 
 Measure = Callable[[Error], float]
 

@@ -30,19 +30,8 @@ from lichen.errors import Flaw, InvalidRequest, Unattainable, nearest
 from lichen.image import Storage
 from lichen.operation import ROUNDING, Error, Facts, Method
 from lichen.planning.budget import Problem, within_error, within_time
-from lichen.planning.graph import (
-    FREE,
-    NOTHING,
-    TRUTH,
-    Candidate,
-    Decision,
-    Graph,
-    Node,
-    Offers,
-    Output,
-    Request,
-    inputs_of,
-)
+from lichen.planning.candidates import NOTHING, Candidate, Offers
+from lichen.planning.graph import FREE, TRUTH, Decision, Graph, Node, Output, Request, inputs_of
 from lichen.planning.predict import Offer, Told
 
 DOUBLE_ROUNDING = 2.0**-40

@@ -14,7 +14,8 @@ from typing import Literal
 from lichen.accuracy.precision import Precision, visible_storing_error
 from lichen.image import Alpha
 from lichen.operation import EXACT, Error, Facts
-from lichen.planning.graph import Candidate, Graph, Node
+from lichen.planning.candidates import Candidate
+from lichen.planning.graph import Graph, Node
 
 Choices = Mapping[str, Candidate]
 

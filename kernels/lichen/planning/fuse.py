@@ -25,9 +25,10 @@ from lichen.accuracy.precision import Precision
 from lichen.image import Alpha
 from lichen.operation import Facts
 from lichen.planning.budget import Problem
+from lichen.planning.candidates import Candidate
 from lichen.planning.choose import measures, target_error
 from lichen.planning.error import delivered, reaching, reaching_with
-from lichen.planning.graph import TRUTH, Candidate, Decision, Graph, Node, Request, inputs_of
+from lichen.planning.graph import TRUTH, Decision, Graph, Node, Request, inputs_of
 from lichen.planning.region import crop
 from lichen.stage import Head, Stage
 

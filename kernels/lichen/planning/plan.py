@@ -12,10 +12,11 @@ from typing import Any
 from lichen.accuracy.precision import Precision
 from lichen.operation import Error
 from lichen.planning.bands import bands
+from lichen.planning.candidates import Candidate
 from lichen.planning.choose import choose
 from lichen.planning.error import errors, total_error, total_seconds
 from lichen.planning.fuse import fuse
-from lichen.planning.graph import Candidate, Decision, Graph, Node, Request
+from lichen.planning.graph import TRUTH, Decision, Graph, Node, Request
 from lichen.planning.hidden import hidden
 from lichen.planning.join import concatenate, join
 from lichen.planning.light import light
@@ -106,6 +107,14 @@ class Plan:
             return ", ".join(f"{node.name}={_method(node)}" for node in self.nodes) or "identity"
         node = self.graph.node(self.request.target)
         return "identity" if node is None else _method(node)
+
+    @property
+    def by_definition(self) -> bool:
+        """Whether what `method` is about is computed by its definition, which runs in NumPy; conversions around it may
+        be computed otherwise."""
+        asked = [node.choice for node in self.nodes if self.request.target in ("", node.name)]
+        exact = self.graph.precision is Precision.FLOAT64
+        return bool(asked) and (exact or all(each and each.method == TRUTH for each in asked))
 
     @cached_property
     def digest(self) -> str:

@@ -17,9 +17,10 @@ from functools import partial
 
 from lichen.errors import Unattainable
 from lichen.operation import Facts
+from lichen.planning.candidates import Candidate, Offers
 from lichen.planning.choose import choose
 from lichen.planning.error import total_seconds
-from lichen.planning.graph import Candidate, Decision, Graph, Moved, Node, Offers, Request
+from lichen.planning.graph import Decision, Graph, Moved, Node, Request
 from lichen.planning.prune import cancelled, cost, unread
 
 

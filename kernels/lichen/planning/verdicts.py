@@ -12,9 +12,10 @@ from functools import cached_property
 
 from lichen.operation import Error, Facts
 from lichen.planning.budget import share
+from lichen.planning.candidates import Candidate
 from lichen.planning.choose import measures, target_error
 from lichen.planning.error import Choices, delivered, reaching, reaching_with, total_seconds
-from lichen.planning.graph import Candidate, Graph, Node, Request
+from lichen.planning.graph import Graph, Node, Request
 
 MOST = 1 << 14
 """Steps whose error is carried anew, of some 0.1 ms each: the candidates of 60 blurs and levels in a row are about

@@ -18,9 +18,10 @@ from lichen.opencl.device import LANES, default_device
 from lichen.operation import Error, Facts, Method, Operation, no_stage
 from lichen.operations.compositing.blending import Operator
 from lichen.planning import fuse
+from lichen.planning.candidates import Candidate
 from lichen.planning.error import reaching_with
 from lichen.planning.fuse import LONGEST, stage_of
-from lichen.planning.graph import Candidate, Graph, Node
+from lichen.planning.graph import Graph, Node
 from lichen.planning.plan import Plan
 from lichen.planning.predict import Told
 

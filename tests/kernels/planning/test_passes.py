@@ -17,8 +17,9 @@ from lichen import execution
 from lichen.image import Alpha, Extent, Image, Space
 from lichen.operation import Facts, Operation
 from lichen.planning.budget import Problem, within_error
+from lichen.planning.candidates import Candidate, Offers
 from lichen.planning.error import errors, total_error, total_seconds
-from lichen.planning.graph import Asked, Candidate, Graph, Node, Offers, Output, Request
+from lichen.planning.graph import Asked, Graph, Node, Output, Request
 from lichen.planning.join import join
 from lichen.planning.memory import peak_bytes
 from lichen.planning.plan import Plan, make_plan

@@ -10,8 +10,8 @@ import pytest
 
 import lichen
 from lichen.engine import prepare_pipeline
+from lichen.planning.candidates import IN_SECONDS, Candidate
 from lichen.planning.error import total_error
-from lichen.planning.graph import IN_SECONDS, Candidate
 from lichen.planning.plan import Plan
 from lichen.planning.predict import Told
 from lichen.planning.verdicts import outcomes, verdicts
