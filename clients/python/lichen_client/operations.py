@@ -3280,7 +3280,7 @@ class Operations(Generic[R]):
         light_extent: of light without perspective: the height of what the map shows; at least 1e-06, at most 1000000
         map_kind: planar: depth along the light's direction; window: 0 at light_near, 1 at light_far; reversed: 1 to
             0; default "planar"
-        light_near: of a window's depth, and of depth in few bits; above 0, at most 1000000; default 0.1
+        light_near: of a window's depth, and of depth in few bits; at least 1e-09, at most 1000000; default 0.1
         light_far: of a window's depth, and of depth in few bits; none: infinitely far; above 0, at most 1000000000
         kind: pcf: comparisons averaged; pcss: over as much as the penumbra is wide; variance: Chebyshev's bound;
             default "pcf"

@@ -56,7 +56,7 @@ class Parameters(View):
     """of light without perspective: the height of what the map shows"""
     map_kind: MapKind = MapKind.PLANAR
     """planar: depth along the light's direction; window: 0 at light_near, 1 at light_far; reversed: 1 to 0"""
-    light_near: float = Field(0.1, gt=0, le=1e6)
+    light_near: float = Field(0.1, ge=1e-9, le=1e6)
     """of a window's depth, and of depth in few bits"""
     light_far: float | None = Field(None, gt=0, le=1e9)
     """of a window's depth, and of depth in few bits; none: infinitely far"""

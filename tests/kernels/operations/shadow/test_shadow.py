@@ -142,3 +142,6 @@ def test_flaws_are_named_together() -> None:
     assert pointers == {
         "/inputs/normal", "/parameters/light_far", "/parameters/light_target", "/parameters/filter",
     }  # fmt: skip
+    with pytest.raises(InvalidRequest) as caught:  # near times far would be 0, by which a reversed depth is divided
+        lichen.operations()["shadow"].validate({"light_near": 5e-324, "light_far": 0.4})
+    assert [each.pointer for each in caught.value.flaws] == ["/parameters/light_near"]
