@@ -140,7 +140,7 @@ def by_chain(nodes: Sequence[Node], graph: Graph, values: Mapping[str, Image], d
     if (head := head_of(nodes[0], facts)) is not None:
         text, numbers = tail_of(nodes[1:], facts, head.source)
         # Where items step together other kernels do the work of heads.
-        if device.lanes > 1 or (source := compose(text)) is None:
+        if device.in_step or (source := compose(text)) is None:
             return _in_turn(nodes, facts, values, device)
         inputs = {key: _single(values[each]) for key, each in nodes[0].inputs.items()}
         return head.run(device, inputs, Tail(source, _numbers(numbers)))

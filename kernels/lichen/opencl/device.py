@@ -102,6 +102,11 @@ class Device:
             programs=Programs(context, opencl),
         )
 
+    @property
+    def in_step(self) -> bool:
+        """Whether work-items step together, thousands at once: there each does and keeps as little as it can."""
+        return self.lanes > 1
+
     def session(self) -> Session:
         """A session on this device. Raises `DeviceFailure` in a forked child."""
         if os.getpid() != self.process:

@@ -107,8 +107,8 @@ class Session:
 
     @property
     def in_step(self) -> bool:
-        """Whether work-items step together, thousands at once: there each does and keeps as little as it can."""
-        return self._device.lanes > 1
+        """Whether work-items step together (`Device.in_step`)."""
+        return self._device.in_step
 
     # ------------------------------------------------------------------------------------------------ arrays
 
