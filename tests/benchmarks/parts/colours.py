@@ -5,7 +5,10 @@ The slow peers get a picture of 512 x 512, and ours the same one.
 
 from __future__ import annotations
 
+import atexit
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Any
 
 import colour
@@ -43,8 +46,8 @@ def pq_by_colour(x: Array) -> Array:
     return np.asarray(colour.models.eotf_inverse_ST2084(203 * (colour.models.eotf_sRGB(x) @ matrix.T)))
 
 
-def pq_by_ocio(inputs: Images, values: Values) -> Call:
-    """The same three steps as OpenColorIO fuses them, with its own fast mathematics, rows shared out to all threads."""
+def pq_steps() -> ocio.Processor:
+    """Decode, matrix and encode as OpenColorIO fuses them, with its own fast mathematics."""
     matrix = np.eye(4)
     matrix[:3, :3] = 2.03 * np.linalg.solve(to_xyz(Primaries.BT2020), to_xyz(Primaries.BT709))
     group = ocio.GroupTransform([
@@ -52,7 +55,20 @@ def pq_by_ocio(inputs: Images, values: Values) -> Call:
         ocio.MatrixTransform(matrix.reshape(-1).tolist()),
         ocio.BuiltinTransform("CURVE - ST-2084_to_LINEAR", ocio.TRANSFORM_DIR_INVERSE),
     ])  # fmt: skip
-    processor = ocio.Config.CreateRaw().getProcessor(group).getDefaultCPUProcessor()
+    return ocio.Config.CreateRaw().getProcessor(group)
+
+
+def pq_by_oiio(inputs: Images, values: Values) -> Call:
+    """The same as OpenImageIO runs them, from a file of OpenColorIO's Color Transform Format."""
+    with NamedTemporaryFile("w", suffix=".ctf", delete=False) as file:
+        file.write(pq_steps().createGroupTransform().write("Color Transform Format", ocio.Config.CreateRaw()))
+    atexit.register(Path(file.name).unlink)
+    return by_oiio(lambda made, x, _: oiio.ImageBufAlgo.ociofiletransform(made, x, file.name))(inputs, values)
+
+
+def pq_by_ocio(inputs: Images, values: Values) -> Call:
+    """The same by OpenColorIO alone, rows shared out to all threads by hand."""
+    processor = pq_steps().getDefaultCPUProcessor()
     x, made = inputs["image"].pixels, target(inputs)
     threads = len(available())
     bands = list(zip(np.array_split(x, threads), np.array_split(made, threads), strict=True))
@@ -97,7 +113,10 @@ ROWS = (
     convert(
         "sRGB to PQ of BT.2100", "bt2100_pq", Peer("OpenColorIO", pq_by_ocio), typed("colour-science", pq_by_colour)
     ),
-    convert("sRGB to PQ of BT.2100", "bt2100_pq", Peer("OpenColorIO", pq_by_ocio), ask={"max_error": 1e-5}),
+    convert(
+        "sRGB to PQ of BT.2100", "bt2100_pq", Peer("OpenImageIO ociofiletransform", pq_by_oiio),
+        Peer("OpenColorIO", pq_by_ocio), ask={"max_error": 1e-5},
+    ),
     convert(
         "sRGB to Lab", "lab", typed("scikit-image rgb2lab", skimage.color.rgb2lab),
         typed("colour-science", lambda x: colour.XYZ_to_Lab(colour.sRGB_to_XYZ(x), D65)), side=SMALL,

@@ -2,9 +2,10 @@
 // registers, and joined again. stages.py and coordinates.py define the steps and say where they come from.
 //
 // What bounds it is arithmetic, with polynomials too: of 2048 x 2048 pixels on two Zen 3 cores sRGB to PQ takes
-// 9.1 ms at degree 5, where a copy takes 5.0. What lies beyond the polynomials is out of line there, and the twelve
-// roots of sixteen pixels keep one port for 60 cycles. Asking for lines 384 to 1536 floats ahead changed nothing, nor
-// did two loops over 4 to 16 sixteens, one up to the matrix and one from there.
+// 8.1 ms at degree 5, where a copy takes 5.0; 9.0 where signs and what lies beyond the polynomials are looked for, which
+// is computed out of line, and 9.6 with planes one after the other too. The twelve roots of sixteen pixels keep one port
+// for 60 cycles. Asking for lines 384 to 1536 floats ahead changed nothing, nor did two loops over 4 to 16 sixteens, one
+// up to the matrix and one from there.
 //
 // Definitions given at build time, beside those of planes.clh:
 //   PATH    the steps as calls, each with the place of its numbers in k and with how many planes there are
@@ -116,15 +117,15 @@ EACH(lightness, lightness_of(x))
 EACH(lightness_inverse, light_of(x))
 
 // The same as polynomials (fitted_steps.py): k holds their top, the end of the straight start and its slope, then theirs.
-STEP void polynomials(float16 *v, global const float *k, int planes, int roots, int shift, int degree)
+// They are odd: a sign is taken off and put back, where there may be one.
+STEP void polynomials(float16 *v, global const float *k, int planes, int roots, int shift, int degree, int odd)
 {
-#pragma unroll
-    for (int c = 0; c < planes; c++) {
-        float16 x = v[c], a = fabs(x), y = fitted(a, k + 3, roots, shift, degree);
-        if (roots < 2)
-            y = a < k[1] ? a * k[2] : y;
-        v[c] = as_float16(as_int16(y) ^ (as_int16(x) & (int)0x80000000)); // odd
-    }
+    float16 a[MOST_PLANES], y[MOST_PLANES];
+    EACH_PLANE(c, planes) y[c] = a[c] = odd ? fabs(v[c]) : v[c];
+    fitted(y, planes, k + 3, roots, shift, degree);
+    if (roots < 2)
+        EACH_PLANE(c, planes) y[c] = a[c] < k[1] ? a[c] * k[2] : y[c];
+    EACH_PLANE(c, planes) v[c] = odd ? as_float16(as_int16(y[c]) ^ (as_int16(v[c]) & (int)0x80000000)) : y[c];
 }
 
 // Whether any lane of any plane lies beyond the polynomials' top, or is NaN.
@@ -139,9 +140,12 @@ STEP bool beyond(const float16 *v, global const float *k, int planes)
     return mask_any(most > as_int(k[0]));
 }
 
+// Where every sample is known to lie above minus the end of the straight start and below the top.
+#define INSIDE(exact, k, planes, roots, shift, degree) polynomials(v, k, planes, roots, shift, degree, 0);
+
 #define FITTED(exact, k, planes, roots, shift, degree)                  \
     if (!beyond(v, k, planes))                                          \
-        polynomials(v, k, planes, roots, shift, degree);                \
+        polynomials(v, k, planes, roots, shift, degree, 1);             \
     else {                                                              \
         float16 w[4];                                                   \
         int16 far[4];                                                   \
@@ -150,7 +154,7 @@ STEP bool beyond(const float16 *v, global const float *k, int planes)
             far[c] = !(fabs(v[c]) <= (k)[0]);                           \
         }                                                               \
         exact(w, k, planes);                                            \
-        polynomials(v, k, planes, roots, shift, degree);                \
+        polynomials(v, k, planes, roots, shift, degree, 1);             \
         _Pragma("unroll") for (int c = 0; c < planes; c++)              \
             v[c] = far[c] ? w[c] : v[c];                                \
     }

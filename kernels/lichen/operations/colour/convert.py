@@ -264,6 +264,7 @@ def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Arra
     source, target = _models(p, image.space)
     numbers: list[float] = []
     calls, planes, alike = [], source.channels, 1
+    intervals: list[Interval] = [(image.extent.low, image.extent.high)] * planes
     for step in _steps(p, image.space, degree):
         if alike > 1 and isinstance(step, Linear | Mixed):
             calls.append(_repeated(alike))
@@ -275,10 +276,12 @@ def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Arra
             planes = len(rows) // alike
         elif isinstance(step, Fitted):
             layout = f"{step.found.roots}, {step.found.shift}, {step.found.degree}"
-            calls.append(f"FITTED({step.exact.name}, (k + {len(numbers)}), {planes}, {layout})")
+            known = step.plain(intervals) and not image.extent.nonfinite
+            calls.append(f"{'INSIDE' if known else 'FITTED'}({step.exact.name}, (k + {len(numbers)}), {planes}, {layout})")
         else:
             calls.append(f"{step.name}(v, k + {len(numbers)}, {planes});")
         numbers += step.numbers
+        intervals = step.intervals(intervals)
     calls.append(_repeated(alike))
     pixels = image.height * image.width
     origin = aligned(image.pixels)

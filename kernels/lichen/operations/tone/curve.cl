@@ -29,10 +29,11 @@ kernel void exact(global const float *restrict in, global float *restrict out, g
         return;
     float16 x = flat_load(in, at, samples);
     float16 held = num_clamp(x, (float16)(ends[0]), (float16)(ends[1]));
+    float16 y = held;
 #if FEW
-    float16 y = pieced(held, pieces, FEW, FEW);
+    pieced(&y, 1, pieces, FEW, FEW);
 #else
-    float16 y = pieced(held, pieces, count, count);
+    pieced(&y, 1, pieces, count, count);
 #endif
     flat_store(finished(y, x, held, ends, at), out, at, samples);
 }

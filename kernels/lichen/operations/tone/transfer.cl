@@ -10,7 +10,8 @@
 //   SHIFTED   1 where k[OFFSET] is to be added, else 0
 //   CLAMPED   0 where negative values are mirrored, 1 where they are no light
 //   DEGREE    0, or that of the body as polynomials (fitted.clh), with
-//   ROOTS, SHIFTED_BITS   of its places
+//   ROOTS, SHIFTED_BITS   of its places, and
+//   INSIDE    1 where no sample lies beyond the polynomials' top, or where a sign would have to be taken off and put back
 //   COVERAGE  0, or the number of channels, of which the last is coverage and passes as it is
 //
 // The numbers of a form arrive in `k`, in the order of transfer.clh.
@@ -38,8 +39,9 @@ kernel void exact(global const float *restrict in, global float *restrict out, g
     ulong at = get_global_id(0) * (ulong)WIDTH;
     if (at >= samples)
         return;
-    float16 x = flat_load(in, at, samples), far = moved(x, k), a = distance(far);
-    flat_store(flat_keep_coverage(ended(far, a, body(a, k), k), x, at), out, at, samples);
+    float16 x = flat_load(in, at, samples), y = x;
+    curve(&y, 1, k);
+    flat_store(flat_keep_coverage(y, x, at), out, at, samples);
 }
 
 // `table` holds (value, rise to the next node): first the line below the first node, then the nodes, whose bit patterns

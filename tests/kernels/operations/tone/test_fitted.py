@@ -38,15 +38,25 @@ def test_other_curves_have_none() -> None:
         assert fitted(curves.form(curve, way, gamma=2.2, white=203.0, black=0.0), 3) is None
 
 
+NEIGHBOURS = {
+    "pq": ("transfer", {"curve": "pq", "direction": "encode", "method": "sextic"}),
+    "decode": ("transfer", {"direction": "decode", "method": "cubic"}),
+    "encode": ("transfer", {"direction": "encode", "method": "cubic"}),
+    "clamped": ("transfer", {"direction": "encode", "method": "cubic", "negative": "clamp"}),
+    "convert": ("convert", {"source": "srgb", "target": "bt2100_pq", "method": "fitted", "degree": 6}),
+    "back": ("convert", {"source": "linear_bt709", "target": "srgb", "method": "fitted", "degree": 6}),
+}
+
+
 @pytest.mark.parametrize("device", DEVICES)
-@pytest.mark.parametrize("operation", ["transfer", "convert"])
-def test_neighbours_do_not_matter(operation: str, device: str) -> None:
-    """What lies beyond the polynomials is computed for its own lane alone, and NaN stays there."""
-    asked = {
-        "transfer": {"curve": "pq", "direction": "encode", "method": "sextic"},
-        "convert": {"source": "srgb", "target": "bt2100_pq", "method": "fitted", "degree": 6},
-    }[operation]
-    pixels = np.random.default_rng(2).random((8, 40, 3), dtype=np.float32)
+@pytest.mark.parametrize("low", [0.0, -0.003, -0.1])
+@pytest.mark.parametrize("name", NEIGHBOURS)
+def test_neighbours_do_not_matter(name: str, low: float, device: str) -> None:
+    """What lies beyond the polynomials is computed for its own lane alone, and NaN stays there. Where all samples are
+    known to lie where polynomials and the straight start hold, and no sign is looked for, the bits are the same."""
+    operation, asked = NEIGHBOURS[name]
+    pixels = low + (1 - low) * np.random.default_rng(2).random((8, 40, 3), dtype=np.float32)
+    pixels[0, 0] = low, 0.0, 1.0
     alone = lichen.run(operation, pixels, device=device, **asked).image.pixels  # type: ignore[arg-type]
     again = pixels.copy()
     again[3, 7] = np.nan
