@@ -276,8 +276,8 @@ def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Arra
             planes = len(rows) // alike
         elif isinstance(step, Fitted):
             layout = f"{step.found.roots}, {step.found.shift}, {step.found.degree}"
-            known = step.plain(intervals) and not image.extent.nonfinite
-            calls.append(f"{'INSIDE' if known else 'FITTED'}({step.exact.name}, (k + {len(numbers)}), {planes}, {layout})")
+            form = "INSIDE" if step.plain(intervals) and not image.extent.nonfinite else "FITTED"
+            calls.append(f"{form}({step.exact.name}, (k + {len(numbers)}), {planes}, {layout})")
         else:
             calls.append(f"{step.name}(v, k + {len(numbers)}, {planes});")
         numbers += step.numbers
