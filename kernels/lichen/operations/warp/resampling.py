@@ -45,7 +45,7 @@ from lichen.operation import (
     OperationParameters,
     Rate,
 )
-from lichen.operations.warp import kernels
+from lichen.operations.warp import effort, kernels
 from lichen.operations.warp.composition import Link
 from lichen.operations.warp.kernels import Kernel
 from lichen.operations.warp.launch import averaged, sampled, samples_of
@@ -257,8 +257,15 @@ def _ellipse(warp: Warp[P], p: P, samples: float, facts: InputFacts) -> float:
     """Steps of a pixel, on average."""
     if not warp.shrinks(p, facts):
         return AVERAGED
-    inside = 8 * samples * reach_of(samples) ** 2
-    return AVERAGED + inside if warp.largest(p, facts) is not None else SHAPED + TAKEN * inside
+    if warp.projective is None:
+        return SHAPED + TAKEN * 8 * samples * reach_of(samples) ** 2
+    image, made = facts["image"], warp.size(p, facts)
+    place = place_of(p) or Place(
+        source=(0, 0, image.width, image.height), result=(0, 0, *made),
+        source_size=(image.width, image.height), result_size=made,
+    )  # fmt: skip
+    view = warp.projective(p, place.source_size, place.result_size)
+    return AVERAGED + effort.steps(view, place.source_size, place.result, samples)
 
 
 def _add_kernel(operation: Operation[P], warp: Warp[P], kernel: Kernel, rate: Rate) -> None:

@@ -11,7 +11,7 @@ import lichen
 from lichen.image import as_image
 from lichen.opencl.device import default_device
 from lichen.operation import Border
-from lichen.operations.warp import kernels
+from lichen.operations.warp import effort, kernels
 from lichen.operations.warp.affine import affine
 from lichen.operations.warp.footprints import Ellipses
 from lichen.operations.warp.homography import homography
@@ -155,6 +155,33 @@ def test_a_vanishing_line_costs_no_more_than_a_few_benign_warps(side: int) -> No
     horizon = [[1.0, 1.6 / side, 0], [0.05, 0.3, 0.375 * side], [0.48 / side, 1.76 / side, -1]]
     benign = [[1.25, 0.05, 0], [-0.05, 1.3, 0], [0.1 / side, 0.1 / side, 1]]
     assert taps(horizon, side) <= 2 * taps(benign, side)
+
+
+VIEWS = {
+    "horizon": [[1.0, 0.1, 0], [0.05, 0.3, 192], [0.03 / 32, 0.11 / 32, -1.003]],
+    "above": [[1.25, 0.05, 0], [-0.05, 1.3, 0], [0.0002, 0.0002, 1]],
+    "less": [[3.0, 0, 0], [0, 3, 0], [0, 0, 1]],
+    "slanted": [[30.0, 2, 0], [0, 3, 0], [0, 0, 1]],
+    "upright": [[1.2, 0, 0], [2, 9, 0], [0, 0, 1]],
+}
+
+
+@pytest.mark.parametrize("samples", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("name", VIEWS)
+def test_what_ellipses_hold_is_foretold(name: str, samples: float) -> None:
+    """Of each at a few places, against all that a device would take of 64 x 64."""
+    side, view = 512, Projective.of(VIEWS[name])
+    at = view.places((np.arange(64) + 0.5) * 8, (np.arange(64) + 0.5) * 8)
+    ellipses = Ellipses.of(at.take(np.isfinite(at.x)))
+    area, lines = held(ellipses.take((ellipses.blend() > 0) & ~ellipses.beyond(side, side)), samples)
+    found = effort.steps(view, (side, side), (0, 0, side, side), samples)
+    assert found == pytest.approx(float((area + effort.LINE * lines).sum()) / 64**2, rel=0.3)
+
+
+@pytest.mark.parametrize("far", [1e-300, 1e160, 1e300])
+def test_what_no_picture_holds_takes_no_steps(far: float) -> None:
+    view = Projective.of([[far, 0, 0], [0, far, 0], [0, 0, 1]])
+    assert effort.steps(view, (512, 512), (0, 0, 512, 512), 4.0) == 0
 
 
 def test_truth_cuts_where_nothing_is_left() -> None:
