@@ -45,5 +45,5 @@ kernel void mask(global const float *restrict image, global const float *restric
     case 6: y = v > r ? yes : no; break;
     default: y = v != r ? yes : no; break;
     }
-    plane_store(y, out + first, 1, 0, count);
+    planes_stream(&y, out + first, 1, count, pixels);
 }
