@@ -264,7 +264,8 @@ def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Arra
     source, target = _models(p, image.space)
     numbers: list[float] = []
     calls, planes, alike = [], source.channels, 1
-    intervals: list[Interval] = [(image.extent.low, image.extent.high)] * planes
+    told = image.told
+    intervals: list[Interval] = [(told.low, told.high)] * planes if told else []
     for step in _steps(p, image.space, degree):
         if alike > 1 and isinstance(step, Linear | Mixed):
             calls.append(_repeated(alike))
@@ -276,12 +277,12 @@ def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Arra
             planes = len(rows) // alike
         elif isinstance(step, Fitted):
             layout = f"{step.found.roots}, {step.found.shift}, {step.found.degree}"
-            form = "INSIDE" if step.plain(intervals) and not image.extent.nonfinite else "FITTED"
+            form = "INSIDE" if told and not told.nonfinite and step.plain(intervals) else "FITTED"
             calls.append(f"{form}({step.exact.name}, (k + {len(numbers)}), {planes}, {layout})")
         else:
             calls.append(f"{step.name}(v, k + {len(numbers)}, {planes});")
         numbers += step.numbers
-        intervals = step.intervals(intervals)
+        intervals = step.intervals(intervals) if told else []
     calls.append(_repeated(alike))
     pixels = image.height * image.width
     origin = aligned(image.pixels)

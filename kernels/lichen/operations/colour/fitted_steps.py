@@ -95,7 +95,8 @@ class Fitted:
         return all(size(each) <= self.found.top for each in given)
 
     def plain(self, given: Sequence[Interval]) -> bool:
-        """Whether they make all values as they are: the straight start goes on below zero to minus its end."""
+        """Whether they make all values as they are: the straight start goes on below zero to minus its end. What steps
+        before this one err is less than what the last piece reaches beyond the top."""
         knee = self.foot.knee
         return all((low >= 0 or low > -knee) and high <= self.found.top for low, high in given)
 

@@ -52,7 +52,7 @@ kernel void table(global const float *restrict in, global float *restrict out, g
     ulong at = get_global_id(0) * (ulong)WIDTH;
     if (at >= samples)
         return;
-    float16 x = flat_load(in, at, samples), far = moved(x, k), a = distance(far);
+    float16 x = flat_load(in, at, samples), far = moved(x, k), a = distance(far, k);
     float16 y = ended(far, a, looked_up(a, k, nodes, first, last, shift), k);
     flat_store(flat_keep_coverage(y, x, at), out, at, samples);
 }

@@ -104,7 +104,7 @@ def launch(
     source = aligned(image.pixels)
     out = aligned_empty(source.shape)
     coverage = image.channels if image.alpha is not Alpha.NONE else 0
-    defines = {**definitions(shape, clamped, degree, image.extent), "COVERAGE": coverage}
+    defines = {**definitions(shape, clamped, degree, image.told), "COVERAGE": coverage}
     samples = source.size
     with device.session() as session:
         session.launch(
