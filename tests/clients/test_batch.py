@@ -20,6 +20,7 @@ import pytest
 import lichen
 from lichen.files import decode, encode
 from lichen.image import Image, Space, Storage
+from lichen.processors import processors
 from lichen_batch.hands import Hand, Limits
 from lichen_batch.item import Item
 from lichen_cli.main import main
@@ -246,7 +247,8 @@ def test_a_service_makes_the_same_bytes(
             next(line for line in service.stdout if "listens on" in line).split("listens on ")[1].split()[0].strip('",')
         )
         threading.Thread(target=service.stdout.read, daemon=True).start()
-        shares = [arguments(photos, tmp_path, "--url", url, "--workers", 3, "--shard", f"{at}/2") for at in range(2)]
+        share = arguments(photos, tmp_path, "--url", url, "--shard")
+        shares = [*share, "0/2", "--workers", "3"], [*share, "1/2"]
         assert [main(share) for share in shares] == [0, 0]
     finally:
         service.terminate()
@@ -257,6 +259,8 @@ def test_a_service_makes_the_same_bytes(
     ids = [{line["id"] for line in journal(tmp_path, name)} for name in names]
     assert [len(each) for each in ids] == [6, 6]
     assert not ids[0] & ids[1]
+    summaries = [json.loads((tmp_path / name.replace("results", "summary")[:-1]).read_text()) for name in names]
+    assert [each["engine"] for each in summaries] == [f"{url}, {n} at a time" for n in (3, 2 * processors())]
 
 
 # --------------------------------------------------------------------------------------------------------------- hands
@@ -306,6 +310,21 @@ def test_an_item_that_hangs_or_dies_costs_itself_alone(tmp_path: Path) -> None:
         assert dead.problem is not None
         assert (dead.problem.code, dead.problem.retryable) == ("died", True)
         assert "signal 11" in dead.problem.detail
+    finally:
+        hand.end()
+
+
+def test_behind_an_item_that_will_be_short_the_next_is_handed_over_with_it(tmp_path: Path) -> None:
+    hand = Hand(Limits())
+    quick = quick_item(tmp_path)
+    further = [quick, quick]
+    try:
+        assert hand.do(quick).ok  # which started the process
+        assert hand.do(quick).ok
+        doing = hand.each(quick, lambda: further.pop() if further else None)
+        assert next(doing)[1].ok
+        assert len(further) == 1, "nothing was handed over with the first"
+        assert [outcome.ok for _, outcome in doing] == [True, True]
     finally:
         hand.end()
 

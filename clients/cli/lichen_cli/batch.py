@@ -74,7 +74,8 @@ def _parser() -> Parser:
     for_all.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter; repeatable")
     for_all.add_argument("--output", metavar="TEMPLATE", help="such as {stem}.png; also {id}, {suffix} and {number}")
     who = parser.add_argument_group("who does it")
-    who.add_argument("--workers", "--concurrency", type=_count, metavar="N", help="items at a time (one a processor)")
+    at_a_time = "items at a time (one a processor; with --url two)"
+    who.add_argument("--workers", "--concurrency", type=_count, metavar="N", help=at_a_time)
     who.add_argument("--threads", type=_count, metavar="N", help="of one item (default: processors / workers)")
     who.add_argument("--url", metavar="URL", help="a service, instead of this machine")
     who.add_argument("--engine", default="local", metavar="E", help="local, dask, or dask://HOST:PORT of a scheduler")
@@ -232,7 +233,7 @@ def _engine(given: argparse.Namespace, times: Known | None) -> Engine:
     from lichen_batch import engines
     from lichen_batch.hands import Limits
 
-    workers = given.workers or processors()
+    workers = given.workers or processors() * (1 if given.url is None else engines.AT_ONCE)
     threads = given.threads or max(1, processors() // workers)
     limits = Limits(given.item_seconds, given.item_memory, threads, times)
     try:
