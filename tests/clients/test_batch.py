@@ -221,6 +221,8 @@ def test_an_invalid_manifest_does_nothing(
         ["--max-failure-rate", "2"],
         ["--engine", "abacus"],
         ["--set", "sigma"],
+        ["--pipeline", "@nowhere.json"],
+        ["--scene", "nowhere.json"],
         ["--nonsense"],
     ],
 )
@@ -229,6 +231,24 @@ def test_a_command_that_makes_no_sense_ends_with_three(
 ) -> None:
     assert main(arguments(photos, tmp_path, *wrong)) == 3
     assert capsys.readouterr().err.startswith("lichen: ")
+
+
+def test_one_scene_is_rendered_for_every_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = {"camera": {"width": 12, "height": 8}, "buffers": {"depth": "far"}, "fog": {"density": 0.2}}
+    (tmp_path / "scene.json").write_text(json.dumps(scene))
+    depths = {name: np.full((8, 12, 1), far, np.float32) for name, far in (("near", 1.0), ("away", 9.0))}
+    for name, depth in depths.items():
+        np.save(tmp_path / f"{name}.npy", depth)
+    command = ["batch", "run", f"{tmp_path}/*.npy", "--out", str(tmp_path), "--scene", f"{tmp_path}/scene.json"]
+    assert main([*command, "--set", "device=numpy", "--output", "{stem}.png"]) == 0, capsys.readouterr()
+    assert json.loads(capsys.readouterr().out)["ok"] == 2
+    with Client(local=True) as local:
+        for name, depth in depths.items():
+            expected = local.render(scene, images={"far": depth}, device="numpy", format="png").content
+            assert (tmp_path / f"{name}.png").read_bytes() == expected
+    (tmp_path / "scene.json").write_text(json.dumps({**scene, "mist": 1}))
+    assert main([*command, "--output", "{stem}.png", "--overwrite"]) == 3, "before anything is done"
+    assert capsys.readouterr().err.count("/mist") == 2
 
 
 # -------------------------------------------------------------------------------------------------------- other places
