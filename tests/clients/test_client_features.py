@@ -132,6 +132,11 @@ def test_pipelines_and_stored_images_work_here_too(local: Client, image: np.ndar
     assert html.count("<img") == 2
     assert (results["soft"]._repr_png_() or b"").startswith(b"\x89PNG")
     assert (p._repr_html_() or "").count("<rect ") == 5, "a picture read, two operations, two outputs"
+    p.add("median", p.input())  # which comes too late for the plan
+    plan = results.explain()
+    assert {each["operation"] for each in plan["nodes"]} == {"gaussian", "levels", "transfer"}
+    assert {name: each["format"] for name, each in plan["outputs"].items()} == {"soft": "png", "hard": "npy"}
+    assert results["hard"].explain()["outputs"] == plan["outputs"]
     again = local.lic(np.ones((21, 34, 2), np.float32), texture=kept, length=2.0)
     assert again.array.shape[:2] == (21, 34)
 
@@ -146,7 +151,7 @@ SCENE = {
 def test_a_scene_is_rendered_and_explained(local: Client) -> None:
     picture = local.render(SCENE, device="numpy", format="png")
     assert Pillow.open(io.BytesIO(picture.content)).size == (24, 18)
-    assert local.explain_scene(SCENE)["nodes"]
+    assert picture.explain()["nodes"] == local.explain_scene(SCENE, device="numpy", format="png")["nodes"]
     with pytest.raises(Unprocessable, match="mist"):
         local.render({**SCENE, "mist": 1})
 
