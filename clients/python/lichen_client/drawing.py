@@ -16,6 +16,8 @@ _TITLE, _SMALL, _STROKE = 12, 10, 1.5
 _DENSE, _SMOOTH = 2, 2
 """pixels of a PNG in a px, and how many times as many are drawn to smooth them"""
 
+Point = tuple[float, float]
+
 
 @dataclass(frozen=True, slots=True)
 class Box:
@@ -66,9 +68,6 @@ def to_png(boxes: Mapping[str, Box]) -> bytes | None:
     file = io.BytesIO()
     picture.reduce(_SMOOTH).save(file, "PNG", dpi=(96 * _DENSE, 96 * _DENSE))
     return file.getvalue()
-
-
-Point = tuple[float, float]
 
 
 def _placed(boxes: Mapping[str, Box]) -> tuple[dict[str, tuple[int, int]], tuple[int, int]]:
