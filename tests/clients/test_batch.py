@@ -20,6 +20,7 @@ import pytest
 import lichen
 from lichen.files import decode, encode
 from lichen.image import Image, Space, Storage
+from lichen.processors import processors
 from lichen_batch.hands import Hand, Limits
 from lichen_batch.item import Item
 from lichen_cli.main import main
@@ -220,6 +221,8 @@ def test_an_invalid_manifest_does_nothing(
         ["--max-failure-rate", "2"],
         ["--engine", "abacus"],
         ["--set", "sigma"],
+        ["--pipeline", "@nowhere.json"],
+        ["--scene", "nowhere.json"],
         ["--nonsense"],
     ],
 )
@@ -228,6 +231,24 @@ def test_a_command_that_makes_no_sense_ends_with_three(
 ) -> None:
     assert main(arguments(photos, tmp_path, *wrong)) == 3
     assert capsys.readouterr().err.startswith("lichen: ")
+
+
+def test_one_scene_is_rendered_for_every_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = {"camera": {"width": 12, "height": 8}, "buffers": {"depth": "far"}, "fog": {"density": 0.2}}
+    (tmp_path / "scene.json").write_text(json.dumps(scene))
+    depths = {name: np.full((8, 12, 1), far, np.float32) for name, far in (("near", 1.0), ("away", 9.0))}
+    for name, depth in depths.items():
+        np.save(tmp_path / f"{name}.npy", depth)
+    command = ["batch", "run", f"{tmp_path}/*.npy", "--out", str(tmp_path), "--scene", f"{tmp_path}/scene.json"]
+    assert main([*command, "--set", "device=numpy", "--output", "{stem}.png"]) == 0, capsys.readouterr()
+    assert json.loads(capsys.readouterr().out)["ok"] == 2
+    with Client(local=True) as local:
+        for name, depth in depths.items():
+            expected = local.render(scene, images={"far": depth}, device="numpy", format="png").content
+            assert (tmp_path / f"{name}.png").read_bytes() == expected
+    (tmp_path / "scene.json").write_text(json.dumps({**scene, "mist": 1}))
+    assert main([*command, "--output", "{stem}.png", "--overwrite"]) == 3, "before anything is done"
+    assert capsys.readouterr().err.count("/mist") == 2
 
 
 # -------------------------------------------------------------------------------------------------------- other places
@@ -246,7 +267,8 @@ def test_a_service_makes_the_same_bytes(
             next(line for line in service.stdout if "listens on" in line).split("listens on ")[1].split()[0].strip('",')
         )
         threading.Thread(target=service.stdout.read, daemon=True).start()
-        shares = [arguments(photos, tmp_path, "--url", url, "--workers", 3, "--shard", f"{at}/2") for at in range(2)]
+        share = arguments(photos, tmp_path, "--url", url, "--shard")
+        shares = [*share, "0/2", "--workers", "3"], [*share, "1/2"]
         assert [main(share) for share in shares] == [0, 0]
     finally:
         service.terminate()
@@ -257,6 +279,8 @@ def test_a_service_makes_the_same_bytes(
     ids = [{line["id"] for line in journal(tmp_path, name)} for name in names]
     assert [len(each) for each in ids] == [6, 6]
     assert not ids[0] & ids[1]
+    summaries = [json.loads((tmp_path / name.replace("results", "summary")[:-1]).read_text()) for name in names]
+    assert [each["engine"] for each in summaries] == [f"{url}, {n} at a time" for n in (3, 2 * processors())]
 
 
 # --------------------------------------------------------------------------------------------------------------- hands
@@ -306,6 +330,21 @@ def test_an_item_that_hangs_or_dies_costs_itself_alone(tmp_path: Path) -> None:
         assert dead.problem is not None
         assert (dead.problem.code, dead.problem.retryable) == ("died", True)
         assert "signal 11" in dead.problem.detail
+    finally:
+        hand.end()
+
+
+def test_behind_an_item_that_will_be_short_the_next_is_handed_over_with_it(tmp_path: Path) -> None:
+    hand = Hand(Limits())
+    quick = quick_item(tmp_path)
+    further = [quick, quick]
+    try:
+        assert hand.do(quick).ok  # which started the process
+        assert hand.do(quick).ok
+        doing = hand.each(quick, lambda: further.pop() if further else None)
+        assert next(doing)[1].ok
+        assert len(further) == 1, "nothing was handed over with the first"
+        assert [outcome.ok for _, outcome in doing] == [True, True]
     finally:
         hand.end()
 

@@ -23,7 +23,10 @@ from distributed import Client as Distributed
 from lichen.files import encode
 from lichen.image import Image, Storage
 from lichen_batch import rasters
-from lichen_batch.cluster import given_by_dask
+from lichen_batch.checking import VERSION
+from lichen_batch.cluster import Workbench, do, given_by_dask
+from lichen_batch.hands import Limits
+from lichen_batch.item import Item
 from lichen_cli.main import main
 from lichen_client import Client
 from lichen_service.app import Service
@@ -207,6 +210,42 @@ def test_jobs_wait_for_a_cluster_that_is_not_there(tmp_path: Path, monkeypatch: 
         assert json.loads(bytes(asked(service, "DELETE", location).body))["status"] == "dismissed"
     finally:
         service.jobs.runner.stop(PATIENCE)
+
+
+def test_a_task_begins_while_the_one_before_waits_for_the_disk(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    """Of a worker with one thread, whose disk keeps nothing before a second output is there."""
+    source = str(tmp_path / "a.npy")
+    np.save(source, np.ones((8, 8), np.float32))
+    said: Any = ({"result": "exr"}, {"sigma": 1})
+    bench = Workbench(Limits(), VERSION)
+    name = bench.name
+
+    def keep_in_pairs(dask_worker: Any) -> None:
+        keeper, held = dask_worker.plugins[name].keeper, []
+        really = keeper.keep
+
+        def keep(*asked: Any) -> None:
+            held.append(asked)
+            if len(held) == 2:
+                for each in held:
+                    really(*each)
+
+        keeper.keep = keep
+
+    with Distributed(f"tcp://{cluster[0]}", set_as_default=False) as client:
+        client.wait_for_workers(1, timeout=PATIENCE)
+        client.register_plugin(bench)
+        worker = next(iter(client.nthreads()))
+        client.run(keep_in_pairs, workers=[worker])
+        items = [
+            Item(id, "gaussian", None, {"image": source}, {"result": f"{tmp_path}/{id}.exr"}, *said)
+            for id in ("first", "second")
+        ]
+        tasks = [client.submit(do, name, [each.to_json()], workers=[worker], pure=False) for each in items]
+        assert [each["status"] for task in tasks for each in task.result(PATIENCE)] == ["ok", "ok"]
+        client.unregister_worker_plugin(name)
 
 
 def until(holds: Callable[[], bool]) -> None:

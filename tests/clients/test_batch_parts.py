@@ -100,6 +100,23 @@ def test_a_scene_is_a_line_too(photos: Path) -> None:
     assert flaws_of(lines(photos, {"id": "s", "scene": "{", "output": "s.exr"})) == {(1, "/scene")}
 
 
+def test_a_scene_is_said_for_all_lines_too(photos: Path) -> None:
+    said = {"camera": {"width": 5, "height": 4}, "buffers": {"depth": "far"}, "fog": {"density": 0.2}}
+    for_all = Defaults(scene=json.dumps(said), output="{stem}-{number}.exr")
+    first, second = manifest.load(f"{photos}/[ab].npy", for_all, "out")
+    assert (first.scene, second.scene, first.operation) == (said, said, None)
+    assert [each.inputs for each in (first, second)] == [{"far": str(photos / name)} for name in ("a.npy", "b.npy")]
+    own = {"id": "own", "operation": "gaussian", "parameters": {"sigma": 1}, "input": "a.npy"}
+    lost = {"id": "lost", "inputs": {"near": "b.npy"}}
+    (one,) = manifest.load(lines(photos, own), for_all, "out")
+    assert (one.operation, one.scene) == ("gaussian", None)
+    assert flaws_of(lines(photos, own, lost), for_all) == {(2, "/inputs/near"), (2, "/inputs/far")}
+    wrong = Defaults(scene=json.dumps({**said, "mist": 1}), output="{stem}.exr")
+    assert flaws_of(f"{photos}/[ab].npy", wrong) == {(1, "/mist"), (2, "/mist")}
+    both = Defaults(operation="gaussian", scene=for_all.scene, output="{stem}.exr")
+    assert flaws_of(f"{photos}/a.npy*", both) == {(1, "/operation")}
+
+
 def test_every_flaw_of_every_line_is_found_at_once(photos: Path) -> None:
     good = {"operation": "gaussian", "input": "a.npy", "output": "a.png", "parameters": {"sigma": 2}}
     source = lines(

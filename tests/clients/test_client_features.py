@@ -7,6 +7,7 @@ import inspect
 import io
 import json
 import runpy
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -131,6 +132,11 @@ def test_pipelines_and_stored_images_work_here_too(local: Client, image: np.ndar
     assert html.count("<img") == 2
     assert (results["soft"]._repr_png_() or b"").startswith(b"\x89PNG")
     assert (p._repr_html_() or "").count("<rect ") == 5, "a picture read, two operations, two outputs"
+    p.add("median", p.input())  # which comes too late for the plan
+    plan = results.explain()
+    assert {each["operation"] for each in plan["nodes"]} == {"gaussian", "levels", "transfer"}
+    assert {name: each["format"] for name, each in plan["outputs"].items()} == {"soft": "png", "hard": "npy"}
+    assert results["hard"].explain()["outputs"] == plan["outputs"]
     again = local.lic(np.ones((21, 34, 2), np.float32), texture=kept, length=2.0)
     assert again.array.shape[:2] == (21, 34)
 
@@ -145,7 +151,7 @@ SCENE = {
 def test_a_scene_is_rendered_and_explained(local: Client) -> None:
     picture = local.render(SCENE, device="numpy", format="png")
     assert Pillow.open(io.BytesIO(picture.content)).size == (24, 18)
-    assert local.explain_scene(SCENE)["nodes"]
+    assert picture.explain()["nodes"] == local.explain_scene(SCENE, device="numpy", format="png")["nodes"]
     with pytest.raises(Unprocessable, match="mist"):
         local.render({**SCENE, "mist": 1})
 
@@ -182,6 +188,36 @@ def test_a_scene_is_built_with_the_pictures_it_reads(local: Client) -> None:
     assert set(lit.images) == {"depth", "shadow0"}
     with pytest.raises(TypeError, match="depth is a picture"):
         Scene().buffers(depth=3)
+
+
+def drawn(png: bytes | None) -> dict[tuple[int, int], str]:
+    """The boxes of a drawing by column and row: which have frames and letters in them, and what their colours mean."""
+    fills = {(232, 241, 228): "input", (255, 255, 255): "node", (230, 238, 248): "output"}
+    pixels = np.asarray(Pillow.open(io.BytesIO(png or b"")).convert("RGB"))
+    found = {}
+    for row, top in enumerate(range(20, pixels.shape[0] - 80, 128)):
+        for column, left in enumerate(range(20, pixels.shape[1] - 300, 380)):
+            box = pixels[top : top + 80, left : left + 300]
+            if box[30:50, :2].max() < 160 and box[10:40, 10:-10].min() < 60:
+                found[column, row] = fills[tuple(int(each) for each in box[70, 290])]
+    return found
+
+
+def test_a_notebook_draws_pipelines_and_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
+    p = Pipeline()
+    photo, noise = p.input("photo"), p.add("perlin_noise", width=8, height=8)
+    p.output("mixed", p.add("mix", photo, base=noise), format="png")
+    p.output("same", photo)
+    lines = {(0, 0): "input", (1, 0): "node", (2, 0): "node", (3, 0): "output", (1, 1): "output"}
+    assert drawn(p._repr_png_()) == lines
+    assert (p.to_svg().count("<rect "), p.to_svg().count("<path ")) == (5, 4), "the noise reads nothing"
+    scene = Scene(width=8).add("sphere", centre=(0, 1, 0)).light("point", shadow=True).ambient(0.1, 0.1, 0.1)
+    scene.environment(np.zeros((4, 8, 3), np.float32)).output("light")
+    parts = {(1, row): "node" for row in range(5)}  # camera, object, light, ambient, environment
+    assert drawn(scene._repr_png_()) == {(0, 0): "input", **parts, (2, 0): "output"}
+    assert drawn(Scene()._repr_png_()) == {(2, 0): "output"}
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    assert (p._repr_png_(), scene._repr_png_(), Pipeline()._repr_png_()) == (None, None, None)
 
 
 def test_the_asynchronous_client_works_here_too(image: np.ndarray) -> None:

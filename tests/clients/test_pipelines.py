@@ -91,10 +91,11 @@ def test_a_pipeline_is_drawn_as_svg() -> None:
 def test_a_call_is_a_form_with_the_pipeline_and_its_pictures() -> None:
     call = pipeline_call(built(), np.ones((2, 2)), {"other": b"x"}, {"max_error": 0.5}, format=None)
     assert [part.name for part in call.parts] == ["pipeline", "image", "other"]
-    assert call.accept.startswith("multipart/mixed, application/x-npy")
-    assert parse_qs(urlsplit(call.target).query) == {"max_error": ["0.5"]}
+    assert call.accept.startswith("multipart/mixed")
+    assert parse_qs(urlsplit(call.target).query) == {"max_error": ["0.5"], "format": ["npy"]}
     text = pipeline_call("gaussian:sigma=1", None, None, {}, format="png", explain=True)
     assert (text.parts[0].pieces, text.accept) == ((b"gaussian:sigma=1",), "application/json")
+    assert parse_qs(urlsplit(text.target).query) == {"format": ["png"], "explain": ["true"]}
 
 
 def test_an_answer_is_taken_apart() -> None:

@@ -110,6 +110,9 @@ def test_explaining_computes_nothing(call: Caller, png: bytes) -> None:
     assert [node["operation"] for node in plan["nodes"]] == ["transfer", "gaussian", "transfer"]
     assert plan["outputs"]["result"]["format"] == "png"
     assert plan["peak_bytes"] > 0
+    two = {"nodes": {"a": {"operation": "levels"}}, "outputs": {name: {"node": "a"} for name in ("one", "two")}}
+    asked = target(json.dumps(two), explain="true")
+    assert set(read_json(call("POST", asked, png, {"accept": "application/json"}))["outputs"]) == {"one", "two"}
     dropped = [each for each in plan["decisions"] if each["pass"] == "identity"]
     assert [each["node"] for each in dropped] == ["levels"]
     assert dropped[0]["saved_ms"] > 0

@@ -7,7 +7,7 @@ doing, which the scheduler gives to others; outputs are written whole or not at 
 done once. No more items are handed out than keep all workers busy, and what comes back is an account: pixels go
 straight to where they are stored.
 
-A task of Dask costs its scheduler, its worker and its client some 10 ms together, so a task is as many items as take
+A task of Dask costs its scheduler, its worker and its client some 15 ms together, so a task is as many items as take
 about a second, by what the last ones took, and fewer towards the end, for all workers to end at once. A worker hands
 back what it has not begun when a task lasts twice as long as that. Items of a task that several workers died of are
 done one by one, which finds the one to blame.
@@ -22,14 +22,15 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from itertools import repeat, takewhile
 from secrets import token_hex
 from typing import Any
 
 import dask
-from distributed import Client, LocalCluster, WorkerPlugin, get_worker
+from distributed import Client, LocalCluster, WorkerPlugin, get_worker, secede
 from distributed.scheduler import KilledWorker
 
 from lichen_batch.checking import VERSION
@@ -119,13 +120,21 @@ def do(name: str, said: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     assert bench.hands is not None
     assert bench.keeper is not None
     kept: list[Future[Outcome]] = []
-    items = iter([Item.from_json(each) for each in said])
+    first, *others = (Item.from_json(each) for each in said)
     with bench.hands.one() as hand:
-        until = time.monotonic() + 2 * LASTING
-        for item, outcome in hand.each(next(items), lambda: next(items, None) if time.monotonic() < until else None):
+        following = _in_time(others, time.monotonic() + 2 * LASTING)
+        for item, outcome in hand.each(first, lambda: next(following)):
             kept.append(Future())
             bench.keeper.keep(item, outcome, hand.token, kept[-1])
     return [each.result().to_json() for each in kept]
+
+
+def _in_time(items: Sequence[Item], until: float) -> Iterator[Item | None]:
+    """The items, up to that time, and then None. While the last is done the worker may begin its next task, which then
+    is there when the process is free: the disk is waited for without either."""
+    yield from takewhile(lambda _: time.monotonic() < until, items)
+    secede()
+    yield from repeat(None)
 
 
 def _seen_from_elsewhere(item: Item) -> Item:

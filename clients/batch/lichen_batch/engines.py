@@ -15,6 +15,9 @@ from lichen_batch.item import Item, Outcome
 from lichen_batch.keeping import Keeper
 from lichen_batch.work import perform
 
+AT_ONCE = 2
+"""Requests to a service for each processor, where nobody says how many: one is computed while another is on its way."""
+
 
 class Engine(Protocol):
     """Does items, several at a time."""

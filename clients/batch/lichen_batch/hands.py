@@ -70,6 +70,8 @@ class Hand:
         """whether it has said that it is ready"""
         self._given = 0
         """items it was handed and has not answered"""
+        self._before = float("inf")
+        """seconds that the last item took"""
         self._closed = False
         self.token = token_hex(8)
         """under which it lays outputs"""
@@ -84,13 +86,12 @@ class Hand:
     def each(self, first: Item, more: Callable[[], Item | None]) -> Iterator[tuple[Item, Outcome]]:
         """The outcomes of an item and of all that `more` gives, one after the other, until it gives None."""
         todo = deque([first])
-        before = float("inf")
         while todo:
-            if before < SHORT and len(todo) < 2 and (following := more()) is not None:
+            if self._before < SHORT and len(todo) < 2 and (following := more()) is not None:
                 todo.append(following)
             began = time.monotonic()
             outcome = self._first(todo)
-            before = time.monotonic() - began
+            self._before = time.monotonic() - began
             yield todo.popleft(), outcome
             if not todo and (following := more()) is not None:
                 todo.append(following)

@@ -38,6 +38,7 @@ class Defaults:
 
     operation: str | None = None
     pipeline: str | None = None
+    scene: str | None = None
     parameters: Mapping[str, str] = field(default_factory=dict)
     output: str | None = None
     """a template: {id}, {stem}, {suffix} and {number} stand for the line's own"""
@@ -194,7 +195,7 @@ class _Reader:
         line, defaults = self._line, self._defaults
         operation, pipeline, scene = self._either("operation", "op"), line.get("pipeline"), line.get("scene")
         if operation is None and pipeline is None and scene is None:
-            operation, pipeline = defaults.operation, defaults.pipeline
+            operation, pipeline, scene = defaults.operation, defaults.pipeline, defaults.scene
         if sum(each is not None for each in (operation, pipeline, scene)) != 1:
             self._flaw("/operation", "one operation, pipeline or scene is required, here or on the command line")
         if operation is not None and not isinstance(operation, str):

@@ -59,7 +59,7 @@ def main(arguments: Sequence[str]) -> int:
 def _parser() -> Parser:
     parser = Parser(
         prog="lichen batch run",
-        description="Runs an operation or a pipeline on every line of a manifest.",
+        description="Runs an operation, a pipeline or a scene on every line of a manifest.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -71,10 +71,12 @@ def _parser() -> Parser:
     for_all = parser.add_argument_group("for lines that do not say it")
     for_all.add_argument("--operation", metavar="NAME")
     for_all.add_argument("--pipeline", metavar="TEXT", help="a pipeline, or @FILE")
+    for_all.add_argument("--scene", metavar="FILE", help="a scene in JSON; lines give the pictures that it names")
     for_all.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter; repeatable")
     for_all.add_argument("--output", metavar="TEMPLATE", help="such as {stem}.png; also {id}, {suffix} and {number}")
     who = parser.add_argument_group("who does it")
-    who.add_argument("--workers", "--concurrency", type=_count, metavar="N", help="items at a time (one a processor)")
+    at_a_time = "items at a time (one a processor; with --url two)"
+    who.add_argument("--workers", "--concurrency", type=_count, metavar="N", help=at_a_time)
     who.add_argument("--threads", type=_count, metavar="N", help="of one item (default: processors / workers)")
     who.add_argument("--url", metavar="URL", help="a service, instead of this machine")
     who.add_argument("--engine", default="local", metavar="E", help="local, dask, or dask://HOST:PORT of a scheduler")
@@ -203,10 +205,17 @@ def _defaults(given: argparse.Namespace) -> Defaults:
         if not name or not equals:
             raise Usage(f"--set takes NAME=VALUE (got {each!r})")
         parameters[name.replace("-", "_")] = value
-    pipeline = given.pipeline
+    pipeline, scene = given.pipeline, given.scene
     if pipeline is not None and pipeline.startswith("@"):
-        pipeline = Path(pipeline[1:]).read_text()
-    return Defaults(given.operation, pipeline, parameters, given.output)
+        pipeline = _text(pipeline[1:])
+    return Defaults(given.operation, pipeline, None if scene is None else _text(scene), parameters, given.output)
+
+
+def _text(path: str) -> str:
+    try:
+        return Path(path).read_text()
+    except (OSError, UnicodeDecodeError) as wrong:
+        raise Usage(f"{path} cannot be read: {wrong}") from None
 
 
 def _kept(given: argparse.Namespace, index: int, count: int) -> _Kept:
@@ -232,7 +241,7 @@ def _engine(given: argparse.Namespace, times: Known | None) -> Engine:
     from lichen_batch import engines
     from lichen_batch.hands import Limits
 
-    workers = given.workers or processors()
+    workers = given.workers or processors() * (1 if given.url is None else engines.AT_ONCE)
     threads = given.threads or max(1, processors() // workers)
     limits = Limits(given.item_seconds, given.item_memory, threads, times)
     try:

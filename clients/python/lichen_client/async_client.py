@@ -92,8 +92,10 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         **wishes: Any,
     ) -> Results:
         """As `Client.run_pipeline`."""
-        call = await asyncio.to_thread(calls.pipeline_call, pipeline, image, images, wishes, format=format)
-        return calls.read_results(await self._converse(call))
+        said, given = calls.settled(pipeline, images)
+        call = await asyncio.to_thread(calls.pipeline_call, said, image, given, wishes, format=format)
+        results = calls.read_results(await self._converse(call))
+        return results.planned(lambda: self.explain_pipeline(said, image, images=given, format=format, **wishes))
 
     async def explain_pipeline(
         self,
@@ -121,8 +123,10 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         **wishes: Any,
     ) -> Result:
         """As `Client.render`."""
-        call = await asyncio.to_thread(calls.scene_call, scene, images, wishes, format=format)
-        return calls.read_result(await self._converse(call))
+        said, given = calls.settled(scene, images)
+        call = await asyncio.to_thread(calls.scene_call, said, given, wishes, format=format)
+        result = calls.read_result(await self._converse(call))
+        return replace(result, plan=lambda: self.explain_scene(said, images=given, format=format, **wishes))
 
     async def explain_scene(
         self,

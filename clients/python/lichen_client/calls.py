@@ -162,13 +162,13 @@ def pipeline_call(
     said = document_of(pipeline).encode()
     parts = (Part(kind, (said,), "application/json"), *sent)
     asked = {name: as_text(value) for name, value in wishes.items() if value is not None}
-    wanted = {} if format is None else {"format": format}
-    query = urlencode({**asked, **kept, **wanted, **({"explain": "true"} if explain else {})}, quote_via=quote)
+    wanted = {"format": format or "npy"} | ({"explain": "true"} if explain else {})
+    query = urlencode({**asked, **kept, **wanted}, quote_via=quote)
     return Call(
         method="QUERY",
-        target=f"/v1/{kind}s" + (f"?{query}" if query else ""),
+        target=f"/v1/{kind}s?{query}",
         parts=parts,
-        accept="application/json" if explain else f"{MIXED}, {_form_of(format)};q=0.9",
+        accept="application/json" if explain else f"{MIXED}, */*;q=0.9",
     )
 
 
@@ -181,15 +181,16 @@ def scene_call(
     explain: bool = False,
 ) -> Call:
     """The request that renders (or only explains) a scene, with the pictures it brings along."""
-    own = getattr(scene, "images", {}) if not isinstance(scene, Mapping | str) else {}
-    given = {**own, **(images or {})}
-    wanted = format if explain else format or "npy"
-    return pipeline_call(scene, None, given, wishes, format=wanted, explain=explain, kind="scene")
+    said, given = settled(scene, images)
+    return pipeline_call(said, None, given, wishes, format=format, explain=explain, kind="scene")
 
 
-def _form_of(format: str | None) -> str:
-    """What outputs come as where the pipeline does not say: arrays, or the format that was named."""
-    return NPY if format is None else "*/*"
+def settled(
+    built: Pipeline | Scene | Mapping[str, Any] | str, images: Mapping[str, ImageLike] | None
+) -> tuple[str, dict[str, ImageLike]]:
+    """A pipeline or a scene as it is now, as the service reads it, and all pictures that are sent along."""
+    own = {} if isinstance(built, Mapping | str) else getattr(built, "images", {})
+    return document_of(built), {**own, **(images or {})}
 
 
 def get_call(*path: str) -> Call:

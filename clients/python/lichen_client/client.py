@@ -119,8 +119,10 @@ class Client(Transport, Operations[Result]):
 
         Raises as `run`.
         """
-        call = calls.pipeline_call(pipeline, image, images, wishes, format=format)
-        return calls.read_results(self._converse(call))
+        said, given = calls.settled(pipeline, images)
+        call = calls.pipeline_call(said, image, given, wishes, format=format)
+        results = calls.read_results(self._converse(call))
+        return results.planned(lambda: self.explain_pipeline(said, image, images=given, format=format, **wishes))
 
     def explain_pipeline(
         self,
@@ -146,8 +148,10 @@ class Client(Transport, Operations[Result]):
         **wishes: Any,
     ) -> Result:
         """The picture of a scene (`Scene`, mapping or JSON), with the buffers it names in `images`. Raises as `run`."""
-        call = calls.scene_call(scene, images, wishes, format=format)
-        return calls.read_result(self._converse(call))
+        said, given = calls.settled(scene, images)
+        call = calls.scene_call(said, given, wishes, format=format)
+        result = calls.read_result(self._converse(call))
+        return replace(result, plan=lambda: self.explain_scene(said, images=given, format=format, **wishes))
 
     def explain_scene(
         self,

@@ -13,20 +13,19 @@ wrong with a pipeline at once.
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from lichen_client.drawing import Box, to_png, to_svg
+from lichen_client.operations import FIRST_INPUTS, Operations
 from lichen_client.values import plain
 
 if TYPE_CHECKING:
     from lichen_client.scene import Scene
 
 _PREFIX = "input."
-_WIDE, _HIGH, _ACROSS, _DOWN = 150, 40, 190, 64
-"""px of a box, and from one box to the next."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +106,7 @@ class Pipeline:
         """One line for each node, in the order in which they were added."""
         lines = []
         for name, node in self.nodes.items():
-            said = [f"{key}={_short(value)}" for key, value in node.get("parameters", {}).items()]
+            said = [f"{key}={short(value)}" for key, value in node.get("parameters", {}).items()]
             read = [source if key == FIRST else f"{key}={source}" for key, source in node.get("inputs", {}).items()]
             call = f"{node['operation']}({', '.join([*read, *said])})"
             lines.append(f"{name} = {call}")
@@ -117,22 +116,7 @@ class Pipeline:
 
     def to_svg(self) -> str:
         """A drawing: boxes in columns by how much comes before them, lines from left to right."""
-        places = self._places()
-        width = max(x for x, _ in places.values()) + _WIDE + 20
-        height = max(y for _, y in places.values()) + _HIGH + 20
-        boxes, lines = [], []
-        for name, (x, y) in places.items():
-            kind, first, second, sources = self._shown(name)
-            boxes.append(_box(x, y, kind, first, second))
-            lines += [_line(places[source], (x, y)) for source in sources]
-        return (
-            f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
-            f'viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="12">\n'
-            "<style>rect{fill:#fff;stroke:#456;stroke-width:1.5}.input{fill:#e8f1e4}.output{fill:#e6eef8}"
-            "path{fill:none;stroke:#789;stroke-width:1.5}.small{fill:#567;font-size:10px}</style>\n"
-            + "\n".join([*lines, *boxes])
-            + "\n</svg>\n"
-        )
+        return to_svg(self._boxes())
 
     def _repr_svg_(self) -> str | None:
         """What a notebook shows."""
@@ -142,64 +126,51 @@ class Pipeline:
         """The same for what shows HTML alone."""
         return self._repr_svg_()
 
-    def _shown(self, name: str) -> tuple[str, str, str, list[str]]:
-        """Kind, two lines of text and sources of a box."""
-        if name.startswith(_PREFIX):
-            return "input", name.removeprefix(_PREFIX), "input", []
-        if name.startswith(_EXIT):
-            output = self.to_json()["outputs"][name.removeprefix(_EXIT)]
-            return "output", name.removeprefix(_EXIT), output.get("format", "output"), [output["node"]]
-        node = self.nodes[name]
-        said = ", ".join(f"{key} {_short(value)}" for key, value in node.get("parameters", {}).items())
-        title = name if name == node["operation"] else f"{name}: {node['operation']}"
-        return "node", title, said, list(self._reads(name))
+    def _repr_png_(self) -> bytes | None:
+        """The same for what shows neither, with Pillow."""
+        return to_png(self._boxes()) if self.nodes or self.outputs else None
 
-    def _reads(self, name: str) -> list[str]:
-        node = self.nodes.get(name)
-        return [] if node is None else list((node.get("inputs") or {FIRST: _PREFIX + FIRST}).values())
-
-    def _places(self) -> dict[str, tuple[int, int]]:
-        """The corner of every box."""
+    def _boxes(self) -> dict[str, Box]:
+        """What is drawn."""
         column: dict[str, int] = {}
         for name in self.nodes:
             for source in self._reads(name):
                 column.setdefault(source, 0)
             column[name] = 1 + max((column[source] for source in self._reads(name)), default=0)
-        for name, output in self.to_json()["outputs"].items():
-            column[_EXIT + name] = 1 + column.setdefault(output["node"], 0)
-        filled: dict[int, int] = {}
-        places = {}
-        for name, across in column.items():
-            places[name] = (10 + across * _ACROSS, 10 + filled.get(across, 0) * _DOWN)
-            filled[across] = filled.get(across, 0) + 1
-        return places
+        outputs = self.to_json()["outputs"]
+        for output in outputs.values():
+            column.setdefault(output["node"], 0)
+        boxes = {name: self._box(name, at) for name, at in column.items()}
+        for name, output in outputs.items():
+            node = output["node"]
+            boxes[_EXIT + name] = Box(1 + column[node], "output", name, output.get("format", "output"), (node,))
+        return boxes
+
+    def _box(self, name: str, column: int) -> Box:
+        if name.startswith(_PREFIX):
+            return Box(column, "input", name.removeprefix(_PREFIX), "input")
+        node = self.nodes[name]
+        said = ", ".join(f"{key} {short(value)}" for key, value in node.get("parameters", {}).items())
+        title = name if name == node["operation"] else f"{name}: {node['operation']}"
+        return Box(column, "node", title, said, self._reads(name))
+
+    def _reads(self, name: str) -> tuple[str, ...]:
+        """Names of what a node reads: what it was given, else the picture that is sent, unless it reads none."""
+        node = self.nodes[name]
+        if "inputs" in node:
+            return tuple(node["inputs"].values())
+        makes = node["operation"] not in FIRST_INPUTS and hasattr(Operations, node["operation"])
+        return () if makes else (_PREFIX + FIRST,)
 
 
 FIRST = "image"
 _EXIT = "output "
 
 
-def _short(value: Any) -> str:
+def short(value: Any) -> str:
+    """A parameter as a drawing has room for it."""
     text = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
     return text if len(text) <= 24 else text[:21] + "..."
-
-
-def _box(x: int, y: int, kind: str, first: str, second: str) -> str:
-    def line(text: str, down: int, small: bool) -> str:
-        fitting = text if len(text) <= 26 else text[:23] + "..."
-        style = ' class="small"' if small else ""
-        return f'<text x="{x + 8}" y="{y + down}"{style}>{html.escape(fitting)}</text>'
-
-    return (
-        f'<g><rect class="{kind}" x="{x}" y="{y}" width="{_WIDE}" height="{_HIGH}" rx="6"/>'
-        f"{line(first, 17, False)}{line(second, 32, True)}</g>"
-    )
-
-
-def _line(start: tuple[int, int], end: tuple[int, int]) -> str:
-    x1, y1, x2, y2 = start[0] + _WIDE, start[1] + _HIGH // 2, end[0], end[1] + _HIGH // 2
-    middle = (x1 + x2) // 2
-    return f'<path d="M{x1} {y1}C{middle} {y1} {middle} {y2} {x2} {y2}"/>'
 
 
 def document_of(pipeline: Pipeline | Scene | Mapping[str, Any] | str) -> str:

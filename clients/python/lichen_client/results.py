@@ -180,9 +180,7 @@ class Result:
 
         Asks the service once more, without computing a pixel; of an `AsyncClient`, to be awaited.
         """
-        if self.plan is None:
-            raise ValueError("this result does not know where it came from")
-        return self.plan()
+        return _asked(self.plan)
 
     def _repr_png_(self) -> bytes | None:
         """What a notebook shows."""
@@ -237,6 +235,17 @@ class Results(Mapping[str, Result]):
     """what its operations report beside pixels, by the names of the nodes"""
     maps: Mapping[str, Result]
     """with `verify=True`: pictures of the errors that were found, by the names of the outputs"""
+    plan: Callable[[], Any] | None = field(default=None, repr=False, compare=False)
+    """as of a `Result`"""
+
+    def explain(self) -> Any:
+        """The plan that all of them followed; see `Result.explain`."""
+        return _asked(self.plan)
+
+    def planned(self, plan: Callable[[], Any]) -> Results:
+        """The same results, which know where they came from."""
+        outputs = {name: replace(each, plan=plan) for name, each in self.outputs.items()}
+        return replace(self, outputs=outputs, plan=plan)
 
     def __getitem__(self, name: str) -> Result:
         return self.outputs[name]
@@ -276,6 +285,12 @@ class Results(Mapping[str, Result]):
             into = maps if "lichen-map" in headers else outputs
             into[headers.get("lichen-output", "result")] = result
         return cls(outputs, findings, maps)
+
+
+def _asked(plan: Callable[[], Any] | None) -> Any:
+    if plan is None:
+        raise ValueError("this result does not know where it came from")
+    return plan()
 
 
 def is_mixed(reply: Reply) -> bool:

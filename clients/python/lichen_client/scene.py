@@ -19,10 +19,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
 from lichen_client.calls import is_image
+from lichen_client.drawing import Box, to_png
+from lichen_client.pipeline import short
 from lichen_client.values import plain
 
 if TYPE_CHECKING:
     from lichen_client.calls import ImageLike
+
+
+_SENT = "sent "
+"""before the name of a picture that is drawn"""
 
 
 @dataclass(eq=False)
@@ -110,6 +116,23 @@ class Scene:
         sent = html.escape(", ".join(self.images)) or "none"
         return f"<table>{rows}<tr><th>pictures sent along</th><td>{sent}</td></tr></table>"
 
+    def _repr_png_(self) -> bytes | None:
+        """The parts drawn, with the pictures they read, for what shows no HTML; with Pillow. What the scene looks like
+        `Client.render` tells: it may take long, so nothing is rendered here."""
+        return to_png(self._boxes())
+
+    def _boxes(self) -> dict[str, Box]:
+        """What is drawn."""
+        sent = {_SENT + name: Box(0, "input", name, "picture") for name in self.images}
+        parts = {}
+        for what, said in self._parts():
+            if what == "output":  # which is where the lines end
+                continue
+            read = tuple(_SENT + name for name in self.images if name in _texts(said))
+            parts[what] = Box(1, "node", *_told(what, said), read)
+        end = Box(2, "output", str(self.document.get("output", "picture")), "output", tuple(parts))
+        return {**sent, **parts, "output": end}
+
     def _parts(self) -> list[tuple[str, Any]]:
         parts: list[tuple[str, Any]] = []
         for name, value in self.document.items():
@@ -139,3 +162,19 @@ class Scene:
 
 def _said(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value if is_image(value) else plain(value) for name, value in values.items() if value is not None}
+
+
+def _told(what: str, said: Any) -> tuple[str, str]:
+    """A part in two lines."""
+    if not isinstance(said, Mapping):
+        return what, short(said)
+    kind = next((key for key in ("shape", "kind", "model") if key in said), None)
+    rest = ", ".join(f"{key} {short(value)}" for key, value in said.items() if key != kind)
+    return what if kind is None else f"{what}: {said[kind]}", rest
+
+
+def _texts(said: Any) -> set[str]:
+    """All texts among values."""
+    if isinstance(said, Mapping | list):
+        return set().union(*map(_texts, said.values() if isinstance(said, Mapping) else said))
+    return {said} if isinstance(said, str) else set()

@@ -213,7 +213,7 @@ def _deliveries(
     except InvalidRequest as invalid:
         raise InvalidRequest(invalid.detail, told.relocated(invalid.flaws)) from None
     accept = head.headers.get("accept")
-    if len(pipeline.outputs) > 1:
+    if len(pipeline.outputs) > 1 and not options.explain:
         _require_parts(accept)
     accept = None if options.explain else mixed.of_the_result(accept)
     origin = NOWHERE

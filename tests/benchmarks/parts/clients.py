@@ -1,12 +1,13 @@
 """What the ways in cost: the Python client over a raw socket, batches by their engines, tiles by their memory.
 
 The client and the socket ask one service for the same, by turns, and their medians are compared. Batches are of photos
-of 1440 x 960 that are blurred: by one process on one processor, by two on two, by a service on loopback, and by a
-cluster. Kernels and codecs of every process that does items run on one thread. Beside them bare processes do the same
-items in a loop, with no batch around it: where two of them are not twice as fast as one, no batch can be. All are warm
-and take turns, in one order and then in the other; a round's figures are compared with one another, since the machine's
-speed changes from round to round, and medians of rounds are told. Rounds in which other work took more than a twentieth
-of the processors are left out, where enough others are left.
+of 1440 x 960 that are blurred: by one process on one processor, by two on two, by a service on loopback, which is sent
+as many requests at a time as `lichen batch run` sends it unless told otherwise, and by a cluster. Kernels and codecs of
+every process that does items run on one thread. Beside them bare processes do the same items in a loop, with no batch
+around it: where two of them are not twice as fast as one, no batch can be. All are warm and take turns, in one order
+and then in the other; a round's figures are compared with one another, since the machine's speed changes from round to
+round, and medians of rounds are told. Rounds in which other work took more than a twentieth of the processors are left
+out, where enough others are left.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from sections import Section, table
 
 from lichen.files import encode
 from lichen.image import Image, Space, Storage
-from lichen_batch.engines import Engine, UrlEngine
+from lichen_batch.engines import AT_ONCE, Engine, UrlEngine
 from lichen_batch.hands import Limits, LocalEngine
 from lichen_batch.item import Item
 from lichen_batch.journal import Journal
@@ -336,14 +337,15 @@ def loopback() -> str:
         server = stack.enter_context(serving.lichen("--threads", "2", workers=2, **ALONE))
 
         def there(folder: Path) -> Batch:
-            return Batch(UrlEngine(server.url, 2, Limits()), folder)
+            return Batch(UrlEngine(server.url, 2 * AT_ONCE, Limits()), folder)
 
         folder, doing = stack.enter_context(working(here=local(2), there=there))
         turns = by_turns(folder, PHOTOS, ROUNDS_OF_BATCHES, doing)
     return (
-        f"{turns.rate('there'):.1f}/s by two processes there, {turns.over('there', 'here'):.2f} of "
-        f"{turns.rate('here'):.1f}/s by two here; {turns.milliseconds('there'):.1f} and "
-        f"{turns.milliseconds('here'):.1f} ms of processor time an item; {turns.told}"
+        f"{turns.rate('there'):.1f}/s by two processes there, {2 * AT_ONCE} requests at a time, "
+        f"{turns.over('there', 'here'):.2f} of {turns.rate('here'):.1f}/s by two here; "
+        f"{turns.milliseconds('there'):.1f} and {turns.milliseconds('here'):.1f} ms of processor time an item; "
+        f"{turns.told}"
     )
 
 
