@@ -104,6 +104,12 @@ def _constants(
     return made, len(sides[0]), len(sides[1])
 
 
+def _axis(up: tuple[float, float, float]) -> int:
+    """The axis that heights are counted along, 3 where it is none."""
+    along = [axis for axis in range(3) if up[axis]]
+    return along[0] if len(along) == 1 else 3
+
+
 def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) -> Array:
     """The picture through fog; `entries` of a table, or 0 for the formulas."""
     image = inputs["image"]
@@ -112,11 +118,10 @@ def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) ->
     points = pointed(where)
     out, span = aligned_empty(image.pixels.shape), width if device.is_cpu else SPAN
     constants, above, below = _constants(p, height, width, image.colours, entries, points)
-    up = np.flatnonzero(p.upward)
     defines: dict[str, int | float | str] = {
         "CHANNELS": image.channels, "COVERAGE": int(image.alpha is not Alpha.NONE), "TABLE": int(entries > 0),
         "KIND": list(Kind).index(p.kind), "POSITION": int(points),
-        "AXIS": int(up[0]) if points and p.by_height and len(up) == 1 else 3,
+        "AXIS": _axis(p.up) if points and p.by_height else 3,
         "DEPTH_KIND": 0 if points else min(list(DepthKind).index(p.depth_kind), 2),
         "PLANAR": int(p.distance is Distance.PLANAR), "KEEP": int(p.background is Background.KEEP),
         "SHINES": int("emissive" in inputs),
