@@ -87,6 +87,11 @@ def _summed(side: Array) -> Array:
     return made
 
 
+def _planes(segments: Array) -> Array:
+    """Segments (count, 4) as four planes of so many, of eight at least, which a device picks from at once."""
+    return np.pad(segments, ((0, max(8 - len(segments), 0)), (0, 0))).T
+
+
 @lru_cache(maxsize=64)
 def _constants(
     p: Parameters, height: int, width: int, colours: int, entries: int, pointed_at: bool
@@ -94,11 +99,11 @@ def _constants(
     """Numbers, colour, layers or table, x and y, and segments above and below; None for what is not read. Kept, since
     frames ask for the same."""
     sides = [_summed(each) for each in p.column.sides] if p.kind is Kind.LAYERED else [np.zeros((0, 4))] * 2
-    layers = table_of(p, entries) if entries else np.concatenate(sides)
+    layers = table_of(p, entries) if entries else _planes(np.concatenate(sides))
     x, y = rays(p, height, width)
     made = (
         aligned(numbers(p, entries), np.float64), aligned(np.array(p.light(colours))),
-        aligned(layers) if layers.size else None,
+        aligned(layers) if entries or p.kind is Kind.LAYERED else None,
         *((None, None) if pointed_at else (aligned(_padded(x.ravel()), np.float64), aligned(y.ravel(), np.float64))),
     )  # fmt: skip
     return made, len(sides[0]), len(sides[1])
