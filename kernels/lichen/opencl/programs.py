@@ -163,7 +163,7 @@ class Programs:
     def kernel(self, source: str, name: str, defines: Definitions) -> cl.Kernel:
         """This thread's kernel object. Raises `DeviceFailure` naming source and kernel, with the build log."""
         kernels: OrderedDict[object, cl.Kernel] = self._own.__dict__.setdefault("kernels", OrderedDict())
-        key = (source, name, tuple(sorted(defines.items())))
+        key = (source, name, frozenset(defines.items()))
         kernel = kernels.get(key)
         if kernel is None:
             kernel = kernels[key] = self._create(source, name, defines)

@@ -159,7 +159,7 @@ class Session:
         if 0 in padded:
             return
         built = self._device.programs.kernel(source, kernel, defines)
-        values = [self._value(argument, f"{source}, {kernel}, argument {at}") for at, argument in enumerate(arguments)]
+        values = [self._value(argument, source, kernel, at) for at, argument in enumerate(arguments)]
         if len(values) != built.num_args:
             raise TypeError(f"{source}, {kernel}: takes {built.num_args} arguments, got {len(values)}")
         number = getattr(built, NUMBER, built.set_arg)
@@ -233,14 +233,15 @@ class Session:
         mapped: cl.MemoryMap = view.base
         return mapped
 
-    def _value(self, argument: Argument, where: str) -> cl.Buffer | np.generic | None:
+    def _value(self, argument: Argument, source: str, kernel: str, at: int) -> cl.Buffer | np.generic | None:
         if isinstance(argument, Held):
             return argument.buffer
         if isinstance(argument, np.ndarray):
             return self.read(argument).buffer
         if argument is None or isinstance(argument, np.generic):
             return argument
-        raise TypeError(f"{where}: {type(argument).__name__} has no fixed width; use a NumPy scalar or array")
+        kind = type(argument).__name__
+        raise TypeError(f"{source}, {kernel}, argument {at}: {kind} has no fixed width; use a NumPy scalar or array")
 
     def _writable(self, array: Array, *, needed: bool) -> Held:
         if not array.flags.writeable:

@@ -13,6 +13,10 @@ that has a pass gives it. Which passes are which buffers:
     height      Height, Displacement, where there are normals and places, too
     motion      Vector, where the scene has a shutter
     material    IndexMA, Material Index, where the scene lists materials
+    mask        Mask, Alpha, and of Combined the component A, where any of it is 0 and there are depths or positions
+
+What the compositor made, the layer Composite, says nothing of the surfaces and is not read. Nor are numbers of objects,
+a mask in Blender's compositor: 0 is what all objects have there as long as nobody numbers them.
 
 Where there is nothing, Blender writes a depth of 1e10, in half floats of 65504, and a position of 0 0 0; both become
 infinite by the depth. Its normals and positions are in the world's axes, whose z is up, so where both are there the
@@ -45,7 +49,10 @@ PASSES: Mapping[str, tuple[str, ...]] = {
     "height": ("Height", "Displacement"),
     "motion": ("Vector",),
     "material": ("IndexMA", "Material Index"),
+    "mask": ("Mask", "Alpha", "Combined.A"),
 }
+"""Passes of each buffer; of some a component that is not the first."""
+COMPOSITE = "Composite"
 COMPONENTS: Mapping[str, tuple[str, ...]] = {
     "position": ("X", "Y", "Z"), "normal": ("X", "Y", "Z"), "albedo": ("R", "G", "B"), "specular": ("R", "G", "B"),
     "motion": ("X", "Y"),
@@ -66,7 +73,10 @@ def spread(scene: Scene, images: Mapping[str, Image]) -> tuple[Scene, dict[str, 
     given = scene.buffers.given
     there = found.keys() | given.keys()
     raised = "normal" in there and not there.isdisjoint(("depth", "position"))
-    wanted = {"material": bool(scene.materials), "height": raised, "motion": scene.shutter is not None}
+    hidden = "mask" in found and not there.isdisjoint(("depth", "position")) and not (found["mask"].pixels > 0).all()
+    wanted = {
+        "material": bool(scene.materials), "height": raised, "motion": scene.shutter is not None, "mask": hidden,
+    }  # fmt: skip
     made = {key: f"{name}-{key}" for key in found if key not in given and wanted.get(key, True)}
     if "position" in made or "position" in given:
         made.pop("depth", None)
@@ -103,14 +113,15 @@ def _nothing(depth: Array) -> Array:
 
 def _channels(names: list[str], wanted: str, buffer: str) -> list[int] | None:
     """Places of a pass's components; None where it is not there."""
+    wanted, _, one = wanted.partition(".")
+    order = (one,) if one else COMPONENTS.get(buffer)
     of_pass: dict[str, dict[str, int]] = {}
     for at, name in enumerate(names):
         layer, _, component = name.rpartition(".")
         layer, _, own = layer.rpartition(".")
-        if own == wanted:
+        if own == wanted and layer != COMPOSITE:
             of_pass.setdefault(layer, {}).setdefault(component, at)
     for components in of_pass.values():
-        order = COMPONENTS.get(buffer)
         if order is None:
             return [next(iter(components.values()))]
         if all(each in components for each in order):

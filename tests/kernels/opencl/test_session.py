@@ -210,6 +210,42 @@ def test_a_function_that_is_not_declared_costs_a_second_build(device: Device, tm
     assert out[0] == pytest.approx(np.tan(4), rel=1e-5)
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("name", ["ceil", "floor", "rint", "trunc"])
+def test_whole_numbers_beside_every_number_are_those_of_the_definition(
+    device: Device, name: str, kind: type, tmp_path: Path
+) -> None:
+    if kind is np.float64 and not device.has_fp64:
+        pytest.skip("a device without doubles")
+    digits = 2.0 ** (23 if kind is np.float32 else 52)
+    near = np.array([0, 0.3, 0.5, 1, 1.5, 2.5, digits / 2 + 0.5, digits - 0.5, digits + 1, 3 * digits, 1e-40, np.inf])
+    random = np.random.default_rng(5).normal(0, 1e4, 200)
+    given = aligned_empty((224,), kind)
+    given[:] = np.concatenate([near, -near, random])
+    given[-1] = np.nan
+    word = "float" if kind is np.float32 else "double"
+    (tmp_path / "whole.cl").write_text(f"""
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+kernel void run(global const {word} *in, global {word} *out, int count)
+{{
+    int i = get_global_id(0);
+    if (i >= count)
+        return;
+    out[i] = {name}(in[i]);
+    vstore16({name}(vload16(i / 16, in)), i / 16, out + count);
+}}
+""")
+    out = aligned_empty((2 * given.size,), kind)
+    with device.session() as session:
+        session.launch(
+            str(tmp_path / "whole.cl"), "run", (given.size,), given, session.write(out), np.int32(given.size)
+        )
+    wanted = getattr(np, name)(given)
+    for made in (out[: given.size], out[given.size :]):
+        assert np.array_equal(made, wanted, equal_nan=True)
+        assert np.array_equal(np.signbit(made[:-1]), np.signbit(wanted[:-1]))
+
+
 def test_wrong_launches_say_what_is_wrong(device: Device) -> None:
     values, count = ramp(8), np.int32(8)
     with device.session() as session:

@@ -32,26 +32,30 @@ def seen(buffer: str) -> np.ndarray:
     return lichen.run("gbuffer", objects=MOVING, buffer=buffer, frame="world", **CAMERA).image.pixels
 
 
-@pytest.fixture
-def render(tmp_path: Path) -> bytes:
-    """What Blender would write of the scene: a depth of 1e10 where there is nothing, and positions of 0 there."""
-    depth, position = seen("depth")[..., 0], seen("position")
-    nothing = np.isinf(depth)
-    passes = {"Combined": ("RGBA", np.full((30, 40, 4), 0.25, np.float32)), "Depth": ("Z", depth[..., None])}
-    passes |= {"Position": ("XYZ", position), "Normal": ("XYZ", seen("normal")), "DiffCol": ("RGB", seen("albedo"))}
-    back, up = -seen("motion")[..., 0], seen("motion")[..., 1]
-    passes["Vector"] = ("XYZW", np.stack([back, up, back * 2, up * 3], axis=-1))
-    channels = {}
-    for name, (components, pixels) in passes.items():
-        for at, component in enumerate(components):
-            plane = pixels[..., at].copy()
-            if name in ("Depth", "Position"):
-                plane[nothing] = 1e10 if name == "Depth" else 0.0
-            channels[f"ViewLayer.{name}.{component}"] = np.ascontiguousarray(plane)
-    path = tmp_path / "render.exr"
+def written(passes: dict[str, tuple[str, np.ndarray]], path: Path) -> bytes:
+    """An EXR of passes, by their full names: of each the components and pixels."""
+    channels = {
+        f"{name}.{component}": np.ascontiguousarray(pixels[..., at])
+        for name, (components, pixels) in passes.items()
+        for at, component in enumerate(components)
+    }
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, channels).write(str(path))
     return path.read_bytes()
+
+
+@pytest.fixture
+def render(tmp_path: Path) -> bytes:
+    """What Blender would write of the scene: a depth of 1e10 where there is nothing, and positions of 0 there."""
+    depth, position = seen("depth"), seen("position")
+    nothing = np.isinf(depth)
+    passes = {"Combined": ("RGBA", np.full((30, 40, 4), 0.25, np.float32))}
+    passes |= {"Depth": ("Z", np.where(nothing, np.float32(1e10), depth))}
+    passes |= {"Position": ("XYZ", np.where(nothing, np.float32(0), position)), "Normal": ("XYZ", seen("normal"))}
+    passes |= {"DiffCol": ("RGB", seen("albedo"))}
+    back, up = -seen("motion")[..., 0], seen("motion")[..., 1]
+    passes["Vector"] = ("XYZW", np.stack([back, up, back * 2, up * 3], axis=-1))
+    return written({f"ViewLayer.{name}": each for name, each in passes.items()}, tmp_path / "render.exr")
 
 
 def test_layers_are_found_by_name_and_lit_like_the_objects(render: bytes) -> None:
@@ -71,6 +75,34 @@ def test_vectors_are_the_motion_of_a_shutter(render: bytes) -> None:
     np.testing.assert_allclose(made, expected, atol=5e-5)
     still = lichen.render({"camera": CAMERA, "objects": OBJECTS, **EFFECTS}).image.pixels
     assert np.abs(made - still).max() > 0.05
+
+
+@pytest.mark.parametrize("drawn", [False, True], ids=["alpha", "a mask of its own"])
+def test_what_a_render_covers_is_its_mask(drawn: bool, tmp_path: Path) -> None:
+    """Without depths, positions of 0 are no places where the render's alpha is 0, or a mask that was drawn besides."""
+    nothing = np.isinf(seen("depth"))
+    colour, hidden = np.full((30, 40, 4), 0.25, np.float32), nothing.copy()
+    colour[nothing[..., 0], 3] = 0
+    passes = {
+        "Composite.Combined": ("RGBA", np.ones_like(colour)),
+        "ViewLayer.Combined": ("RGBA", colour),
+        "ViewLayer.IndexOB": ("X", np.zeros((30, 40, 1), np.float32)),
+        "ViewLayer.Position": ("XYZ", np.where(nothing, np.float32(0), seen("position"))),
+        "ViewLayer.Normal": ("XYZ", seen("normal")),
+        "ViewLayer.DiffCol": ("RGB", seen("albedo")),
+    }
+    if drawn:
+        hidden[:, 20:] = True
+        passes["ViewLayer.Mask"] = ("X", np.where(hidden, np.float32(0), np.float32(0.5)))
+    picture = decode(written(passes, tmp_path / "render.exr"))
+    view = {"camera": {"eye": CAMERA["eye"], "target": CAMERA["target"]}, "buffers": {"layers": "render"}}
+    made = lichen.render({**view, **EFFECTS}, images={"render": picture}).image.pixels
+    expected = lichen.render({"camera": CAMERA, "objects": OBJECTS, **EFFECTS}).image.pixels.copy()
+    assert 100 < np.count_nonzero(nothing) < 1100
+    np.testing.assert_allclose(made[~hidden[..., 0]], expected[~hidden[..., 0]], atol=2e-5)
+    np.testing.assert_allclose(made[nothing[..., 0]], expected[nothing[..., 0]], atol=2e-5)
+    if drawn:
+        assert np.abs(made - expected)[hidden[..., 0] & ~nothing[..., 0]].max() > 0.1
 
 
 def test_a_picture_without_such_layers_is_refused() -> None:

@@ -9,14 +9,15 @@
 //   KEEP                 1 where what is infinitely far stays as it is
 //   SHINES               1 where `emissive` is given
 //   TABLE                1 where `layers` is a table of `entries`: of what comes through (kinds 1, 2), or of mean densities
-//                        above the eye and then below (3); 0 where it holds for each segment, those above first,
-//                        where it begins, the integral up to there, the density there and its slope
+//                        above the eye and then below (3); 0 where it holds of all segments, those above first,
+//                        where they begin, then the integrals up to there, the densities there and their slopes
 // `n` holds doubles; launch.py says which.
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 #include "mask.clh"
 #include "numeric.clh"
+#include "pick.clh"
 #include "vector.clh"
 #include "../compositing/planes.clh"
 
@@ -55,30 +56,45 @@ PLANE_FN float16 tabled(float16 x, global const float *restrict table, int entri
     return x == x ? a + (place - convert_float16(cell)) * (b - a) : x;
 }
 
+#ifdef PICKS
+PLANE_FN float16 picked(global const float *restrict of, int16 at) { return (float16)(pick8(of, at.lo), pick8(of, at.hi)); }
+#endif
+
 // The mean density of layers between the eye's height and `rise` above it: what the segments before the last hold, and the
 // part of the last, over the rise; all of it is added. Rises that no float's square root notices are none: one over them
 // may be infinite.
 PLANE_FN float16 mean_density(float16 rise, global const float *restrict layers, int above, int below)
 {
-    float16 far = fabs(rise);
+    float16 far = fabs(rise), b = ZERO, before = ZERO, s, m;
     far = far < 0x1p-120f ? ZERO : far;
     int16 down = rise < 0.0f;
-    global const float *first = layers + 4 * above;
-    float16 b = ZERO, before = ZERO, s = down ? (float16)(first[2]) : (float16)(layers[2]);
-    float16 m = down ? (float16)(first[3]) : (float16)(layers[3]);
-    for (int k = 1; k < above; k++) {
-        int16 reached = rise > layers[4 * k];
-        b = reached ? (float16)(layers[4 * k]) : b;
-        before = reached ? (float16)(layers[4 * k + 1]) : before;
-        s = reached ? (float16)(layers[4 * k + 2]) : s;
-        m = reached ? (float16)(layers[4 * k + 3]) : m;
-    }
-    for (int k = 1; k < below; k++) {
-        int16 reached = rise < -first[4 * k];
-        b = reached ? (float16)(first[4 * k]) : b;
-        before = reached ? (float16)(first[4 * k + 1]) : before;
-        s = reached ? (float16)(first[4 * k + 2]) : s;
-        m = reached ? (float16)(first[4 * k + 3]) : m;
+    int all = above + below, stride = max(all, 8);
+    global const float *held = layers + stride, *starts = held + stride, *slopes = starts + stride;
+#ifdef PICKS
+    if (all <= 8) {
+        int16 at = down ? (int16)(above) : (int16)(0);
+        for (int k = 1; k < above; k++)
+            at -= rise > layers[k];
+        for (int k = 1; k < below; k++)
+            at -= rise < -layers[above + k];
+        b = picked(layers, at);
+        before = picked(held, at);
+        s = picked(starts, at);
+        m = picked(slopes, at);
+    } else
+#endif
+    {
+        s = down ? (float16)(starts[above]) : (float16)(starts[0]);
+        m = down ? (float16)(slopes[above]) : (float16)(slopes[0]);
+        for (int k = 1; k < all; k++) {
+            if (k == above)
+                continue;
+            int16 reached = k < above ? rise > layers[k] : rise < -layers[k];
+            b = reached ? (float16)(layers[k]) : b;
+            before = reached ? (float16)(held[k]) : before;
+            s = reached ? (float16)(starts[k]) : s;
+            m = reached ? (float16)(slopes[k]) : m;
+        }
     }
     float16 t = far - b, mean = fma(0.5f * m, t, s);
     return b == 0.0f ? mean : fma(t, mean, before) / far;

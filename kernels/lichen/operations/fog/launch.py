@@ -87,6 +87,11 @@ def _summed(side: Array) -> Array:
     return made
 
 
+def _planes(segments: Array) -> Array:
+    """Segments (count, 4) as four planes of so many, of eight at least, which a device picks from at once."""
+    return np.pad(segments, ((0, max(8 - len(segments), 0)), (0, 0))).T
+
+
 @lru_cache(maxsize=64)
 def _constants(
     p: Parameters, height: int, width: int, colours: int, entries: int, pointed_at: bool
@@ -94,14 +99,20 @@ def _constants(
     """Numbers, colour, layers or table, x and y, and segments above and below; None for what is not read. Kept, since
     frames ask for the same."""
     sides = [_summed(each) for each in p.column.sides] if p.kind is Kind.LAYERED else [np.zeros((0, 4))] * 2
-    layers = table_of(p, entries) if entries else np.concatenate(sides)
+    layers = table_of(p, entries) if entries else _planes(np.concatenate(sides))
     x, y = rays(p, height, width)
     made = (
         aligned(numbers(p, entries), np.float64), aligned(np.array(p.light(colours))),
-        aligned(layers) if layers.size else None,
+        aligned(layers) if entries or p.kind is Kind.LAYERED else None,
         *((None, None) if pointed_at else (aligned(_padded(x.ravel()), np.float64), aligned(y.ravel(), np.float64))),
     )  # fmt: skip
     return made, len(sides[0]), len(sides[1])
+
+
+def _axis(up: tuple[float, float, float]) -> int:
+    """The axis that heights are counted along, 3 where it is none."""
+    along = [axis for axis in range(3) if up[axis]]
+    return along[0] if len(along) == 1 else 3
 
 
 def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) -> Array:
@@ -112,11 +123,10 @@ def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) ->
     points = pointed(where)
     out, span = aligned_empty(image.pixels.shape), width if device.is_cpu else SPAN
     constants, above, below = _constants(p, height, width, image.colours, entries, points)
-    up = np.flatnonzero(p.upward)
     defines: dict[str, int | float | str] = {
         "CHANNELS": image.channels, "COVERAGE": int(image.alpha is not Alpha.NONE), "TABLE": int(entries > 0),
         "KIND": list(Kind).index(p.kind), "POSITION": int(points),
-        "AXIS": int(up[0]) if points and p.by_height and len(up) == 1 else 3,
+        "AXIS": _axis(p.up) if points and p.by_height else 3,
         "DEPTH_KIND": 0 if points else min(list(DepthKind).index(p.depth_kind), 2),
         "PLANAR": int(p.distance is Distance.PLANAR), "KEEP": int(p.background is Background.KEEP),
         "SHINES": int("emissive" in inputs),

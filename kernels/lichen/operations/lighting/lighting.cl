@@ -123,6 +123,16 @@ PLANE_FN float16 arriving(global const float *restrict row, vector16 way, vector
 // Whether numbers are finite: what is not makes a NaN even of no light.
 PLANE_FN int16 tame(vector16 v) { return (fabs(v.x) < INFINITY) & (fabs(v.y) < INFINITY) & (fabs(v.z) < INFINITY); }
 
+// Whether places are so near that the way to them is finite.
+PLANE_FN int16 close_by(vector16 v) { return (fabs(v.x) < 0x1p+126f) & (fabs(v.y) < 0x1p+126f) & (fabs(v.z) < 0x1p+126f); }
+
+// No light on so many pixels.
+PLANE_FN void dark(global float *restrict out, int count)
+{
+    float16 nothing[3] = {(float16)(0.0f), (float16)(0.0f), (float16)(0.0f)};
+    planes_store(nothing, out, 3, count);
+}
+
 PLANE_FN void lit(global const float *restrict normal, global const float *restrict position,
                      global const float *restrict albedo, global const float *restrict specular,
                      global const float *restrict roughness, global const float *restrict tangent,
@@ -143,21 +153,34 @@ PLANE_FN void lit(global const float *restrict normal, global const float *restr
         active += (line / TILE * ((width + TILE - 1) / TILE) + column / TILE) * (lamps + 1);
     int looked_at = active ? active[0] : lamps;
     bool placed = channels[0] != 0;
-    vector16 facing = vector_unit(load3(normal + first * 3, count)), place = facing, v = same3(n + 6);
+    vector16 across = load3(normal + first * 3, count), place = across, v = same3(n + 6);
+    int16 nowhere = 0;
     if (placed) {
         place = load3(position + first * 3, count);
-        if (mask_all((fabs(place.x) == INFINITY) | (fabs(place.y) == INFINITY) | (fabs(place.z) == INFINITY))) {
-            float16 nothing[3] = {(float16)(0.0f), (float16)(0.0f), (float16)(0.0f)};
-            planes_store(nothing, out + first * 3, 3, count);
+        nowhere = (fabs(place.x) == INFINITY) | (fabs(place.y) == INFINITY) | (fabs(place.z) == INFINITY);
+        if (mask_all(nowhere)) {
+            dark(out + first * 3, count);
             return;
         }
-        v = n[9] != 0.0f ? vector_unit(towards(n, n + 3, place)) : v;
     }
     vector16 matt = colour3(n + 10, albedo + first * channels[1], channels[1], count);
+    int16 sound = tame(across) & tame(matt);
 #if MODEL
     vector16 shiny = colour3(n + 13, specular + first * channels[2], channels[2], count);
     float16 rough = channels[3] ? plane_load(roughness + first, 1, 0, count) : (float16)(n[16]);
     rough = num_clamp(rough, (float16)(n[17]), (float16)(1.0f));
+    sound &= tame(shiny) & (fabs(rough) < INFINITY);
+#endif
+    const bool grained = MODEL == LAFORTUNE || MODEL == WARD || MODEL == BANKS;
+    // Where no lamp reaches nothing is to be found, if nothing there spoils what is made of no light either.
+    if (looked_at == 0 && !grained && mask_all(nowhere | (sound & close_by(place)))) {
+        dark(out + first * 3, count);
+        return;
+    }
+    vector16 facing = vector_unit(across);
+    if (placed && n[9] != 0.0f)
+        v = vector_unit(towards(n, n + 3, place));
+#if MODEL
     Material s;
     s.m = rough * rough;
     s.exponent = n[18] > 0.0f ? (float16)(n[18]) : 2.0f / (s.m * s.m);
@@ -173,7 +196,6 @@ PLANE_FN void lit(global const float *restrict normal, global const float *restr
     s.tables = tables;
     s.size = size;
     s.width = n[29];
-    const bool grained = MODEL == LAFORTUNE || MODEL == WARD || MODEL == BANKS;
     vector16 t = grained && channels[4] ? vector_unit(load3(tangent + first * 3, count)) : same3(n + 25);
     if (grained && MODEL != BANKS) {
         vector16 across_n = vector_along(facing, -vector_dot(facing, t), t);
@@ -183,14 +205,13 @@ PLANE_FN void lit(global const float *restrict normal, global const float *restr
     float16 w = vector_dot(facing, v);
 #endif
     vector16 total = vector((float16)(0.0f), (float16)(0.0f), (float16)(0.0f));
-    int16 nowhere = (fabs(place.x) == INFINITY) | (fabs(place.y) == INFINITY) | (fabs(place.z) == INFINITY);
     bool spoilt = false;
     if (looked_at < lamps) {
-        int16 sound = tame(place) & tame(matt) & tame(facing) & tame(v);
+        sound &= tame(place) & tame(v);
 #if MODEL
-        sound &= tame(shiny) & tame(t) & (fabs(rough) < INFINITY);
+        sound &= tame(t);
 #endif
-        spoilt = !mask_all(sound | (placed ? nowhere : (int16)(0)));
+        spoilt = !mask_all(sound | nowhere);
     }
     for (int k = 0; k < (spoilt ? lamps : looked_at); k++) { // what is left out follows what is not
         int lamp = active ? active[1 + k] : k;

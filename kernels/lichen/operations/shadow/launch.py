@@ -27,7 +27,10 @@ from lichen.operations.shadow.storing import WHOLE, Store, Stored, reversed_term
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
-SEGMENT = 64
+SEGMENT = 128
+"""Pixels of a work-item on a CPU, which asks for texels of all before it compares the first."""
+STEP = 64
+"""The same where work-items step together."""
 SAMPLED = 4
 
 
@@ -59,46 +62,53 @@ def numbers(p: Parameters, height: int, width: int, stored: Stored) -> Array:
 
 @lru_cache(maxsize=64)
 def _rays(p: Parameters, height: int, width: int) -> tuple[Array, Array]:
-    """x of every column and seven more, y of every row; nothing that is read where points are given."""
+    """x of every column and seven more, y of every row."""
     x, y = rays(p, height, width)
     return aligned(np.append(x, np.full(7, x[0, -1])), np.float64), aligned(y.ravel(), np.float64)
 
 
-def _places(p: Parameters, places: Array | None) -> Array:
+def places(count: int) -> Array:
+    """Places in a square around 0, (count, 2): the additive recurrence of the plastic number (M. Roberts, 2018)."""
+    plastic = 1.324717957244746
+    steps = np.arange(1, count + 1)[:, None] * np.array([1 / plastic, 1 / plastic**2])
+    made: Array = np.mod(0.5 + steps, 1.0) - 0.5
+    return made
+
+
+@lru_cache(maxsize=64)
+def _places(p: Parameters, taps: int) -> Array:
     """What the kernel reads of the filter's places: in texels and float32 where it compares in float32."""
-    if places is None:
-        return aligned(np.zeros((1, 2)), np.float64)
-    return aligned(places * p.filter) if p.map_kind is MapKind.PLANAR else aligned(places, np.float64)
+    made = places(taps)
+    return aligned(made * p.filter) if p.map_kind is MapKind.PLANAR else aligned(made, np.float64)
 
 
-def launched(
-    device: Device, inputs: Inputs, p: Parameters, stored: Stored = WHOLE, places: Array | None = None
-) -> Array:
-    """The share of light, float32 (height, width, 1); with `places` the mean of so many texels of the filter."""
+def launched(device: Device, inputs: Inputs, p: Parameters, stored: Stored = WHOLE, taps: int = 0) -> Array:
+    """The share of light, float32 (height, width, 1); with `taps` the mean of so many texels of the filter."""
     where, depths = inputs["depth"], inputs["map"]
     height, width = where.height, where.width
     out = aligned_empty((height, width, 1))
-    x, y = _rays(p, height, width)
-    kind = 0 if p.filter == 0 else 1 + list(Kind).index(p.kind) if places is None else SAMPLED
-    count = math.ceil(p.filter) + 1 if places is None else len(places)
+    points = pointed(where)
+    x, y = (None, None) if points else _rays(p, height, width)
+    kind = SAMPLED if taps else 1 + list(Kind).index(p.kind) if p.filter else 0
     defines: dict[str, int | float | str] = {
-        "KIND": kind, "POSITION": int(pointed(where)), "NORMALS": int("normal" in inputs),
+        "KIND": kind, "POSITION": int(points), "NORMALS": int("normal" in inputs),
         "PARALLEL": int(p.light_extent is not None), "TERMS": int(p.map_kind is not MapKind.PLANAR),
         "BITS": list(Store).index(stored.kind),
     }  # fmt: skip
+    segment = SEGMENT if device.is_cpu else STEP
+    defines["SEGMENT"] = segment
     out_of = left_out(inputs, p.effect, 1, height, width)
-    receivers = aligned(where.pixels if pointed(where) else where.pixels[..., :1])
+    receivers = aligned(where.pixels if points else where.pixels[..., :1])
     with device.session() as session:
         session.launch(
-            "shadow/shadow.cl", "shadow", (height * -(-width // SEGMENT),),
+            "shadow/shadow.cl", "shadow", (height * -(-width // segment),),
             receivers, aligned(inputs["normal"].pixels) if "normal" in inputs else receivers,
             aligned(depths.pixels[..., :1]), session.write(out),
             numbers(p, depths.height, depths.width, stored),
-            _places(p, places),
-            x, y,
-            np.int32(min(list(DepthKind).index(p.depth_kind), 2)), np.int32(count),
+            _places(p, taps) if taps else None, x, y,
+            np.int32(min(list(DepthKind).index(p.depth_kind), 2)), np.int32(taps or math.ceil(p.filter) + 1),
             np.int32(depths.width), np.int32(depths.height), np.int32(width), np.int32(height),
             None if out_of is None else aligned(out_of, np.uint8),
-            defines=defines,
+            local=(1,), defines=defines,
         )  # fmt: skip
     return out

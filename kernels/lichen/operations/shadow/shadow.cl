@@ -9,18 +9,18 @@
 //   NORMALS    1 where normals are given
 //   PARALLEL   1 for light without perspective
 //   TERMS      1 where the map holds a window's depth
+//   SEGMENT    pixels of a work-item
 //   BITS       0 as stored, 1 linear codes, 2 codes of a window's depth, 3 short floats, 4 of a reversed window's depth
 // `n` holds doubles; shadow_map.py says which.
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
+#include "interleaved.clh"
 #include "mask.clh"
 
-#define SEGMENT 64
 #define TILE 32
 #define LANES 8
 #define MARGIN 64.0
-#define NUMBERS 47
 #define MOST 33 // texels across the widest filter
 #define FN static inline __attribute__((always_inline))
 #if KIND == 4 && !TERMS
@@ -50,17 +50,27 @@ typedef struct {
     int width, height;
 } light_map;
 
+// Eight triples of floats; after the last, zeros.
+FN void triples(global const float *restrict in, int count, float8 *x, float8 *y, float8 *z)
+{
+    if (count == LANES) {
+        split3_eight(in, x, y, z);
+        return;
+    }
+    float lane[3][LANES];
+    for (int i = 0; i < LANES; i++)
+        for (int k = 0; k < 3; k++)
+            lane[k][i] = i < count ? in[3 * i + k] : 0.0f;
+    *x = vload8(0, lane[0]);
+    *y = vload8(0, lane[1]);
+    *z = vload8(0, lane[2]);
+}
+
 FN triple three(global const float *restrict in, int count)
 {
-    float lane[3 * LANES];
-    if (count < LANES)
-        for (int i = 0; i < 3 * LANES; i++)
-            lane[i] = i < 3 * count ? in[i] : 0.0f;
-    float8 a = count < LANES ? vload8(0, lane) : vload8(0, in), b = count < LANES ? vload8(1, lane) : vload8(1, in);
-    float8 c = count < LANES ? vload8(2, lane) : vload8(2, in);
-    return (triple){REAL8((float8)(a.s0, a.s3, a.s6, b.s1, b.s4, b.s7, c.s2, c.s5)),
-                    REAL8((float8)(a.s1, a.s4, a.s7, b.s2, b.s5, c.s0, c.s3, c.s6)),
-                    REAL8((float8)(a.s2, a.s5, b.s0, b.s3, b.s6, c.s1, c.s4, c.s7))};
+    float8 x, y, z;
+    triples(in, count, &x, &y, &z);
+    return (triple){REAL8(x), REAL8(y), REAL8(z)};
 }
 
 FN real8 one(global const float *restrict in, int count)
@@ -317,9 +327,10 @@ kernel void shadow(global const float *restrict where, global const float *restr
     int begin = ((int)get_global_id(0) % per_row) * SEGMENT, end = min(begin + SEGMENT, width);
     light_map map = {pixels, n, map_width, map_height};
 #if QUICK
-    float single[NUMBERS];
-    for (int k = 0; k < NUMBERS; k++)
-        single[k] = (float)n[k];
+    approximate rough = approximated(map);
+    float found[3 * SEGMENT];
+    for (int column = begin; column < end; column += LANES)
+        sought(map, &rough, where + ((ulong)row * width + column) * 3, min(end - column, LANES), found + column - begin);
 #endif
     for (int column = begin; column < end; column += LANES) {
         int there = min(end - column, LANES);
@@ -331,7 +342,7 @@ kernel void shadow(global const float *restrict where, global const float *restr
         }
 #if QUICK
         float8 share;
-        if (settled(map, single, where + first * 3, normals + first * 3, there, &share)) {
+        if (settled(map, &rough, found + column - begin, where + first * 3, normals + first * 3, there, &share)) {
             keep(share, out + first, there);
             continue;
         }

@@ -59,7 +59,7 @@ from lichen.operations.compositing.layers import row_blocks
 from lichen.operations.scene.lists import by_pixel, left_out, listing
 from lichen.operations.shadow.cases import CASES, EXAMPLES
 from lichen.operations.shadow.comparing import Map, receivers, share
-from lichen.operations.shadow.launch import launched
+from lichen.operations.shadow.launch import launched, places
 from lichen.operations.shadow.parameters import Kind, Parameters, check
 from lichen.operations.shadow.storing import Store, Stored
 
@@ -156,14 +156,6 @@ class Exact:
         return _by_rows(inputs, p, lambda rows: share(inputs, p, rows))
 
 
-def places(count: int) -> Array:
-    """Places in a square around 0, (count, 2): the additive recurrence of the plastic number (M. Roberts, 2018)."""
-    plastic = 1.324717957244746
-    steps = np.arange(1, count + 1)[:, None] * np.array([1 / plastic, 1 / plastic**2])
-    made: Array = np.mod(0.5 + steps, 1.0) - 0.5
-    return made
-
-
 def _sampled(inputs: Inputs, p: Parameters, rows: slice, taps: int) -> Array:
     with np.errstate(all="ignore"):
         r, depths = receivers(inputs, p, rows), Map(inputs, p)
@@ -189,7 +181,7 @@ class Sampled:
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
         if not device.has_fp64:
             return Sampled.numpy(inputs, p, knob)
-        return launched(device, inputs, p, places=places(round(knob)))
+        return launched(device, inputs, p, taps=round(knob))
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:

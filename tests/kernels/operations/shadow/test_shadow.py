@@ -71,6 +71,38 @@ def test_single_texels_are_compared_as_in_doubles(light: dict[str, object]) -> N
             assert np.array_equal(first, second, equal_nan=True)
 
 
+@pytest.mark.parametrize("seed", range(24))
+def test_floats_decide_nothing_that_doubles_would_find_otherwise(seed: int) -> None:
+    """Lights of any size, receivers at edges of texels and as deep as what the map holds but for some roundings."""
+    rng = np.random.default_rng(seed)
+    unit, size = 10.0 ** rng.uniform(-2, 3), int(rng.choice([1, 3, 64, 1024]))
+    eye = rng.normal(0, unit, 3)
+    light: dict[str, object] = {"light_eye": eye.tolist(), "light_target": (eye + rng.normal(0, unit, 3)).tolist()}
+    light |= {"light_extent": 2 * unit} if seed % 3 == 0 else {"light_fov": float(rng.uniform(1, 150))}
+    camera = lichen.operations()["shadow"].validate(light).light
+    matrix = camera.to_pixels(size, size)
+    u, v = (rng.uniform(-0.1, 1.1, (64, 131)) * size for _ in range(2))
+    u[::2] = np.rint(u[::2]) + rng.normal(0, 1e-4, u[::2].shape)
+    deep = unit * np.exp(rng.normal(0, 0.5, u.shape))
+    w = np.ones_like(deep) if "light_extent" in light else deep
+    rows = np.stack([matrix[0], matrix[1], matrix[2], [0, 0, 0, 1]])
+    points = np.linalg.solve(rows, np.stack([u * w, v * w, deep, np.ones_like(u)]).reshape(4, -1))[:3]
+    where = points.T.reshape(*u.shape, 3).astype(np.float32)
+    off = rng.choice([0, 1e-7, 1e-6, 1e-5, 1e-3], u.shape) * rng.normal(0, 1, u.shape)
+    depths = np.full((size, size, 1), np.inf, np.float32)
+    row, column = (np.clip(np.floor(each), 0, size - 1).astype(int) for each in (v, u))
+    depths[row, column, 0] = (where @ matrix[2, :3] + matrix[2, 3]) * (1 + off)
+    to = eye - where
+    normal = (to / np.linalg.norm(to, axis=-1, keepdims=True) + rng.normal(0, 1, to.shape)).astype(np.float32)
+    for given in ({}, {"normal": normal * np.float32(unit)}):
+        first, second = (
+            lichen.run("shadow", depths, depth=where, **given, **light, device=device, method="exact").image.pixels
+            for device in ("opencl", "numpy")
+        )
+        assert np.array_equal(first, second)
+        assert size < 64 or 0 < first.mean() < 1
+
+
 @pytest.mark.parametrize("kind", ["pcf", "pcss", "variance"])
 def test_backends_give_the_same_bits(kind: str) -> None:
     inputs = scene(LAMP, 96)
