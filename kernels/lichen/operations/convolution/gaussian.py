@@ -259,7 +259,7 @@ def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Arr
 
 @gaussian.method(
     "deriche",
-    scratch=3.1,
+    scratch=2.1,
     knob=Knob("order", (2, 4, 6, 8), "exponentials in the response", 2, 8),
     error=base.recursive_error(base.deriche_filters),
     least=base.least_error("deriche"),
@@ -283,7 +283,7 @@ class Deriche:
 
 @gaussian.method(
     "vliet-young",
-    scratch=3.1,
+    scratch=2.1,
     knob=Knob("poles", (3, 4, 5), "poles of the all-pole filter", 3, 5),
     error=base.recursive_error(base.vliet_young_filters),
     least=base.least_error("vliet-young"),
@@ -307,7 +307,7 @@ class VlietYoung:
 
 @gaussian.method(
     "box3",
-    scratch=4.4,
+    scratch=3.2,
     knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1),
     error=base.boxes_error,
     least=base.least_error("box3"),
