@@ -212,7 +212,7 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the modes that are dropped", 1e-9, MOST_TAIL),
     error=base.dct_error,
     work=base.dct_work,
-    rates={"opencl": Rate(1e-3, 1.2e-11), "numpy": Rate(1e-5, 9e-12)},
+    rates={"opencl": Rate(8e-4, 3.6e-11), "numpy": Rate(1e-4, 1.1e-11)},
     unfit=base.dct_unfit,
 )
 class Dct:

@@ -173,11 +173,12 @@ def _tiled(image: Facts, tall: int, wide: int, tile: int, working: int) -> float
     bands = -(-image.height // banded(image.height, tiles, 2 * tall))
     items = tiles * bands
     busy = -(-items // working) * working / items * tiles * tile
-    return busy * (1.6 * wide * (image.height + bands * (tall - 1)) + 0.44 * tall * image.height)
+    return busy * ((1.6 * wide + STAGED) * (image.height + bands * (tall - 1)) + 0.44 * tall * image.height)
 
 
-MOVED, FOLDED = 122, 700
-"""Multiply-adds that take as long as moving a sample through both passes, or as folding into one number of a matrix."""
+MOVED, STAGED, FOLDED = 122, 10, 700
+"""Multiply-adds that take as long as moving a sample through both passes, as reading it into a tile, or as folding into
+one number of a matrix."""
 
 
 # -------------------------------------------------------------------------------------------------------------- dct
@@ -196,11 +197,12 @@ def dct_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
 
 
 def dct_work(p: Parameters, tail: float, facts: InputFacts) -> float:
-    """Multiply-adds of the four products, and what it takes to read the image, to write it and to flip the modes."""
+    """Multiply-adds of the four products, those of the modes at their own pace, and what it takes to read the image and
+    to write it."""
     image = facts["image"]
     rows, columns = (dct_modes(sigma, size, tail)[0] for sigma, size in asked(p, facts).sides)
     few = rows * image.width * image.channels
-    return 2.0 * image.samples * rows + 11.0 * few * columns + 160.0 * image.samples + 2200.0 * few
+    return image.samples * (2.0 * rows + 40.0) + 3.5 * few * columns
 
 
 def dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
@@ -277,7 +279,7 @@ def recursive_work(extent: Extent, even: int = 1, low: float = NARROWEST) -> Cal
         total, whole = 0.0, int(order) // even * even
         for sigma, side in asked(p, facts).sides:
             reach, poles = extent(min(max(sigma, low), RECURSIVE), whole)
-            total += PASSED + poles * (12 + 26 * min(reach / side, 1.0))
+            total += PASSED + poles * (10.5 + 19 * min(reach / side, 1.0))
         return facts["image"].samples * total
 
     return work
