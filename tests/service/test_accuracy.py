@@ -41,6 +41,7 @@ def test_a_report_holds_every_setting_of_the_table(call: Caller, operations: Map
             for entry in load().of(name, example):
                 setting = settings[(entry.method, entry.knob, entry.precision)]
                 assert setting["failed"] or (setting["worst"], setting["typical"]) == (entry.largest, entry.typical_rms)
+                assert setting["failed"] or (setting["ciede2000"], setting["flip"]) == (entry.delta_e, entry.flip)
             assert all(each["reason"] for each in report["settings"])
             assert any(each["on_front"] for each in report["settings"])
 
