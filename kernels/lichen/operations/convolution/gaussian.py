@@ -157,7 +157,7 @@ def _by_matrices(pixels: Array, weights: tuple[Vector, Vector], border: Border, 
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, MOST_TAIL),
     error=base.fir_error,
     work=base.fir_work,
-    rates={"opencl": Rate(1e-3, 2.3e-11), "numpy": Rate(1e-4, 7e-11)},
+    rates={"opencl": Rate(5e-4, 2.2e-11), "numpy": Rate(2e-4, 7e-11)},
 )
 class Fir:
     """The kernel, cut where little weight is left and normalised, as two passes of multiply-adds."""
@@ -212,7 +212,7 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the modes that are dropped", 1e-9, MOST_TAIL),
     error=base.dct_error,
     work=base.dct_work,
-    rates={"opencl": Rate(8e-4, 3.6e-11), "numpy": Rate(1e-4, 1.1e-11)},
+    rates={"opencl": Rate(1e-3, 2.9e-11), "numpy": Rate(1e-4, 1.8e-11)},
     unfit=base.dct_unfit,
 )
 class Dct:
@@ -265,7 +265,7 @@ def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Arr
     least=base.least_error("deriche"),
     work=base.deriche_work,
     body="recursive",
-    rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    rates={"opencl": Rate(7e-4, 1e-11), "numpy": Rate(7e-4, 8e-11)},
     unfit=base.recursive_unfit,
 )
 class Deriche:
@@ -289,7 +289,7 @@ class Deriche:
     least=base.least_error("vliet-young"),
     work=base.vliet_young_work,
     body="recursive",
-    rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    rates={"opencl": Rate(7e-4, 1e-11), "numpy": Rate(7e-4, 8e-11)},
     unfit=base.vliet_young_unfit,
 )
 class VlietYoung:
@@ -312,7 +312,7 @@ class VlietYoung:
     error=base.boxes_error,
     least=base.least_error("box3"),
     work=base.boxes_work,
-    rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    rates={"opencl": Rate(6e-4, 1e-11), "numpy": Rate(2.5e-4, 1.4e-10)},
     unfit=base.recursive_unfit,
 )
 class Box3:
