@@ -46,6 +46,19 @@ def test_a_report_holds_every_setting_of_the_table(call: Caller, operations: Map
             assert any(each["on_front"] for each in report["settings"])
 
 
+@pytest.mark.parametrize("name", ["gaussian", "matrix"])
+def test_a_point_can_be_replayed(call: Caller, png: bytes, name: str) -> None:
+    report = read_json(call("GET", f"/v1/accuracy/{name}?example=0"))
+    for setting in report["settings"]:
+        if setting["failed"] or setting["peer"]:
+            assert setting["replay"] is None
+            continue
+        answer = call("POST", setting["replay"], png)
+        assert answer.status == 200, bytes(answer.body)
+        knob = "" if setting["knob"] is None else f"; {setting['knob_name']}={setting['knob']:g}"
+        assert answer.headers["Lichen-Method"] == f"{setting['method']}{knob}"
+
+
 def test_every_operation_is_drawn(call: Caller, operations: Mapping[str, Any]) -> None:
     for name in operations:
         drawn = call("GET", f"/v1/accuracy/{name}.svg")
