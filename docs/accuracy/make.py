@@ -32,6 +32,10 @@ median over its images of the RMS error. Errors are in output units for values i
 count divided by their largest. Open a plot by itself to point at its marks: each says what it is, and what to
 take instead.
 
+Where the result is a colour picture, the tables also say what a viewer sees of the error, on the photograph of the
+corpus: the largest CIEDE2000, of which 1 can just be noticed, and the mean FLIP, from 0 to 1. A result that is not
+finite everywhere has neither.
+
 A running service draws the same from its error table and from what it measured of its machine:
 `/v1/accuracy/gaussian.svg`. For other parameters: `lichen accuracy gaussian --sigma 20`.
 
@@ -81,11 +85,15 @@ def section(numbers: Mapping[str, Any]) -> str:
     """The sentence that the plot tells, worst and typical errors side by side, peers, and where it was measured."""
     name, title = numbers["operation"], numbers["title"]
     settings = numbers["settings"]
+    ran = [each for each in settings if each["failed"] is None]
+    told = [each for each in ran if each["standing"] == "worthwhile"]
+    told += [each for each in ran if each["precision"] == "float64"]
+    told += [each for each in ran if each["peer"]]
     rows = ["| setting | time | worst case | typical |", "|---|---:|---:|---:|"]
-    rows += [row(each) for each in settings if each["standing"] == "worthwhile"]
-    rows += [row(each) for each in settings if each["precision"] == "float64" and each["failed"] is None]
-    rows += [row(each) for each in settings if each["peer"] and each["failed"] is None]
-    told = numbers["study"]["sentences"] if numbers["study"] else ()
+    if any(each["flip"] is not None for each in told):
+        rows = ["| setting | time | worst case | typical | CIEDE2000 | FLIP |", "|---|---:|---:|---:|---:|---:|"]
+    rows += [row(each, columns=rows[0].count("|") - 1) for each in told]
+    found = numbers["study"]["sentences"] if numbers["study"] else ()
     size = f"{numbers['size']} x {numbers['size']} px"
     where = f"{numbers['device']}, {size}, {', '.join(numbers['machine'].values())}"
     return "\n".join(
@@ -98,8 +106,8 @@ def section(numbers: Mapping[str, Any]) -> str:
             "",
             *rows,
             "",
-            *(f"- {sentence}" for sentence in told),
-            *([""] if told else []),
+            *(f"- {sentence}" for sentence in found),
+            *([""] if found else []),
             f"`{title}`: {where}. {numbers['source']} Again: `{numbers['command']}`. [Numbers]({name}.json),"
             f" [picture]({name}.png).",
             "",
@@ -107,10 +115,13 @@ def section(numbers: Mapping[str, Any]) -> str:
     )
 
 
-def row(setting: Mapping[str, Any]) -> str:
+def row(setting: Mapping[str, Any], columns: int) -> str:
+    """Of so many columns, the last two of which tell what a viewer sees."""
     name = label_of(setting["method"], setting["knob"], setting["precision"])
-    errors = ("exact" if setting[error] == 0 else scientific(setting[error]) for error in ("worst", "typical"))
-    return f"| {name} | {milliseconds(setting['milliseconds'] / 1e3)} | {' | '.join(errors)} |"
+    errors = ["exact" if setting[error] == 0 else scientific(setting[error]) for error in ("worst", "typical")]
+    seen = ["" if setting[each] is None else scientific(setting[each]) for each in ("ciede2000", "flip")]
+    cells = [name, milliseconds(setting["milliseconds"] / 1e3), *errors, *seen]
+    return f"| {' | '.join(cells[:columns])} |"
 
 
 if __name__ == "__main__":

@@ -27,6 +27,11 @@ def canonical_of(operation: Operation[Any], query: Query) -> str:
         **knobs,
         **query.assets,
     }
+    return address_of(operation, values)
+
+
+def address_of(operation: Operation[Any], values: Mapping[str, Any]) -> str:
+    """Path and query of a run with these values, as they are called in queries."""
     pairs = sorted(as_query({name: _short(plain(value)) for name, value in values.items()}))
     path = quote(path_of(operation.name))
     return f"{path}?{urlencode(pairs, quote_via=quote, safe=':,[]')}" if pairs else path

@@ -44,6 +44,8 @@ def test_the_table_names_every_setting_and_its_reason(command: Lichen, columns: 
         assert f"fir at {knob}" in out
         assert f"x dct at {knob}" in out
     assert "the border is clamp" in out
+    assert ("CIEDE2000  " in out) == (columns == 200)
+    assert "FLIP" not in command("normals", "--predict", columns=columns)[1]
     assert max(len(line) for line in out.splitlines()) <= columns
 
 

@@ -41,8 +41,22 @@ def test_a_report_holds_every_setting_of_the_table(call: Caller, operations: Map
             for entry in load().of(name, example):
                 setting = settings[(entry.method, entry.knob, entry.precision)]
                 assert setting["failed"] or (setting["worst"], setting["typical"]) == (entry.largest, entry.typical_rms)
+                assert setting["failed"] or (setting["ciede2000"], setting["flip"]) == (entry.delta_e, entry.flip)
             assert all(each["reason"] for each in report["settings"])
             assert any(each["on_front"] for each in report["settings"])
+
+
+@pytest.mark.parametrize("name", ["gaussian", "matrix"])
+def test_a_point_can_be_replayed(call: Caller, png: bytes, name: str) -> None:
+    report = read_json(call("GET", f"/v1/accuracy/{name}?example=0"))
+    for setting in report["settings"]:
+        if setting["failed"] or setting["peer"]:
+            assert setting["replay"] is None
+            continue
+        answer = call("POST", setting["replay"], png)
+        assert answer.status == 200, bytes(answer.body)
+        knob = "" if setting["knob"] is None else f"; {setting['knob_name']}={setting['knob']:g}"
+        assert answer.headers["Lichen-Method"] == f"{setting['method']}{knob}"
 
 
 def test_every_operation_is_drawn(call: Caller, operations: Mapping[str, Any]) -> None:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 MARKS = {"worthwhile": "*", "front": "+", "failed": "x"}
 _LEGEND = "* worth its time   + on the front, but hardly worth it   x could not run"
+SEEN = "CIEDE2000", "FLIP"
+"""The largest and the mean on the photograph."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -155,12 +157,11 @@ def _print(report: Report) -> None:
 
 def _lines(report: Report, width: int) -> list[tuple[str, str]]:
     """The table, a line with its style for each setting; the reason stands below where it does not fit beside."""
-    rows = [("", "", "time", "worst", "typical", "stated", "")]
-    styles = ["bold"]
-    for setting, verdict in zip(report.settings, report.verdicts, strict=True):
-        rows.append(_row(setting, verdict))
-        styles.append("" if verdict.standing in ("worthwhile", "front") else "dim")
-    widths = [max(len(row[column]) for row in rows) for column in range(6)]
+    rows, widths = _table(report, seen=report.seen)
+    if 2 * len(widths) + sum(widths) - 2 > width:  # what a viewer sees is left out where there is no room
+        rows, widths = _table(report, seen=False)
+    judged = [verdict.standing in ("worthwhile", "front") for verdict in report.verdicts]
+    styles = ["bold", *("" if each else "dim" for each in judged)]
     lines = []
     for row, style in zip(rows, styles, strict=True):
         mark, name, *numbers, reason = row
@@ -173,14 +174,23 @@ def _lines(report: Report, width: int) -> list[tuple[str, str]]:
     return lines
 
 
-def _row(setting: Setting, verdict: Verdict) -> tuple[str, str, str, str, str, str, str]:
+def _table(report: Report, *, seen: bool) -> tuple[list[tuple[str, ...]], list[int]]:
+    """Rows of text below their heads, and how wide the columns before the reasons are."""
+    rows = [("", "", "time", "worst", "typical", "stated", *(SEEN if seen else ()), "")]
+    rows += [_row(setting, judged, seen=seen) for setting, judged in zip(report.settings, report.verdicts, strict=True)]
+    return rows, [max(1, *(len(row[column]) for row in rows)) for column in range(len(rows[0]) - 1)]
+
+
+def _row(setting: Setting, verdict: Verdict, *, seen: bool) -> tuple[str, ...]:
     from lichen.calibration.report import milliseconds, scientific
 
     mark = MARKS.get(verdict.standing, "")
     if setting.failed is not None:
-        return mark, setting.label, "", "", "", "", verdict.reason
+        return (mark, setting.label, *[""] * (6 if seen else 4), verdict.reason)
     spread = f" +-{setting.spread * 100:3.0f} %" if setting.spread else ""
     time, stated = milliseconds(setting.seconds) + spread, ""
     if setting.stated is not None:
         stated = f"{scientific(setting.stated)} {setting.kind}"
-    return mark, setting.label, time, scientific(setting.worst), scientific(setting.typical), stated, verdict.reason
+    looks = ["" if each is None else scientific(each) for each in (setting.delta_e, setting.flip) if seen]
+    errors = scientific(setting.worst), scientific(setting.typical), stated
+    return (mark, setting.label, time, *errors, *looks, verdict.reason)

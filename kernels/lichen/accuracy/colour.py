@@ -20,6 +20,7 @@ import numpy as np
 from lichen.accuracy.metrics import visible
 from lichen.image import Image, Space
 from lichen.memory import Array
+from lichen.once import once
 
 PIXELS_PER_DEGREE = 67.0
 """Of visual angle: a screen of 3840 pixels over 0.7 m, seen from 0.7 m."""
@@ -149,11 +150,42 @@ Q_C, P_C, P_T, WIDTH, Q_F = 0.7, 0.4, 0.95, 0.082, 0.5
 
 def flip_map(light: Array, truth: Array, ppd: float) -> Array:
     """The difference seen at every pixel (height, width) between two pictures in linear light (height, width, 3)."""
-    opponent, expected = (_ycxcz(each) for each in (light, truth))
-    colour = _redistributed(_hyab(*(_hunt(_filtered(each, ppd)) for each in (opponent, expected))))
-    feature = _features(opponent[..., 0], expected[..., 0], ppd)
+    return flip_between(Viewed(light, ppd), Viewed(truth, ppd))
+
+
+def flip_between(first: Viewed, second: Viewed) -> Array:
+    """`flip_map` of two pictures at one distance."""
+    colour = _redistributed(_hyab(first.adapted, second.adapted))
+    changes = [np.abs(one - other) for one, other in zip(first.strengths, second.strengths, strict=True)]
+    feature = (np.maximum(*changes) / math.sqrt(2)) ** Q_F
     seen: Array = colour ** (1 - feature)
     return seen
+
+
+class Viewed:
+    """Linear light (height, width, 3) as the metrics take it. What is found of it is kept: many results are compared
+    with one truth."""
+
+    def __init__(self, light: Array, ppd: float = PIXELS_PER_DEGREE) -> None:
+        self._light, self._ppd = light, ppd
+
+    @once
+    def lab(self) -> Array:
+        return lab(self._light)
+
+    @once
+    def _opponent(self) -> Array:
+        return _ycxcz(self._light)
+
+    @once
+    def adapted(self) -> Array:
+        """What the eye resolves of its colours."""
+        return _hunt(_filtered(self._opponent, self._ppd))
+
+    @once
+    def strengths(self) -> tuple[Array, Array]:
+        """How much edges and points stand out."""
+        return _features(self._opponent[..., 0], self._ppd)
 
 
 def _ycxcz(light: Array) -> Array:
@@ -217,22 +249,19 @@ def _redistributed(distance: Array) -> Array:
     return spread
 
 
-def _features(first: Array, second: Array, ppd: float) -> Array:
-    """How differently edges and points stand out, 0 to 1."""
+def _features(plane: Array, ppd: float) -> tuple[Array, Array]:
+    """How much edges and points stand out."""
     sigma = 0.5 * WIDTH * ppd
     radius = math.ceil(3 * sigma)
     x = np.arange(-radius, radius + 1)
     bell = np.exp(-x * x / (2 * sigma**2))
-    mean = bell / bell.sum()
-    changes = []
-    for kernel in (_balanced(-x * bell), _balanced((x * x / sigma**2 - 1) * bell)):
-        first_strength, second_strength = (
-            np.hypot(_separable((plane + 16) / 116, kernel, mean), _separable((plane + 16) / 116, mean, kernel))
-            for plane in (first, second)
-        )
-        changes.append(np.abs(first_strength - second_strength))
-    changed: Array = (np.maximum(*changes) / math.sqrt(2)) ** Q_F
-    return changed
+    mean, bright = bell / bell.sum(), (plane + 16) / 116
+
+    def strength(kernel: Array) -> Array:
+        found: Array = np.hypot(_separable(bright, kernel, mean), _separable(bright, mean, kernel))
+        return found
+
+    return strength(_balanced(-x * bell)), strength(_balanced((x * x / sigma**2 - 1) * bell))
 
 
 def _balanced(kernel: Array) -> Array:

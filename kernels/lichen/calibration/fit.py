@@ -12,6 +12,8 @@ Where the runs do tell, a single sample changes little.
 
 from __future__ import annotations
 
+import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -65,6 +67,12 @@ def _far(samples: Sequence[Sample], declared: Rate) -> Sample:
     scale = float(np.median([each.seconds / (declared.start + declared.step * each.work) for each in longest]))
     work = FAR * max(longest[-1].work, 1.0)
     return Sample(work, scale * (declared.start + declared.step * work))
+
+
+def apart(rate: Rate, samples: Sequence[Sample]) -> float:
+    """The factor by which a sample lies from the prediction, in the median."""
+    logs = [math.log((rate.start + rate.step * sample.work) / sample.seconds) for sample in samples]
+    return math.exp(statistics.median(map(abs, logs)))
 
 
 def misses(rate: Rate, samples: Sequence[Sample], factor: float = 1.5) -> int:

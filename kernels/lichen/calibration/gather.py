@@ -212,7 +212,7 @@ def _doubles(took: Timed) -> Setting:
 def _from(entry: Entry, seconds: float, spread: float) -> Setting:
     return Setting(
         entry.method, entry.knob, seconds, entry.largest, entry.typical_rms, entry.p999, entry.stated, entry.kind,
-        entry.precision, spread,
+        entry.precision, spread, delta_e=entry.delta_e, flip=entry.flip,
     )  # fmt: skip
 
 

@@ -32,7 +32,7 @@ BELIEVED = 0.5
 SHOWN = 0.25
 """The share of the shortest run that a constant cost must be, for its own ratio to be told from runs."""
 PLAIN = ""
-"""The kind of a method that has no others."""
+"""The kind of all requests of a method that are of no other."""
 
 Kinds = Mapping[str, Rate]
 """By kind."""
@@ -91,7 +91,7 @@ def save(path: Path | None = None) -> Path:
             slower = general(backend, usual)
             paces.setdefault(backend, usual)
         for (operation, method), rate in times.current(backend).items():
-            found = rate.kinds or {PLAIN: rate}
+            found = {PLAIN: rate, **rate.kinds}
             told[backend, operation, method] = {
                 kind: Rate(each.start / slower, each.step / slower) for kind, each in found.items()
             }

@@ -256,9 +256,12 @@ class _Plot:
         stated = "" if setting.stated is None else f"\nstated {scientific(setting.stated)} ({setting.kind})"
         precision = "" if setting.precision == PLAIN else f", {setting.precision}"
         spread = f" +- {setting.spread * 100:.0f} %" if setting.spread else ""
+        seen = ""
+        if setting.delta_e is not None and setting.flip is not None:
+            seen = f"\nCIEDE2000 {scientific(setting.delta_e)}, FLIP {scientific(setting.flip)}"
         return (
             f"{name}{precision}: {milliseconds(setting.seconds)}{spread}\nworst error {scientific(setting.worst)}, "
-            f"typical {scientific(setting.typical)}{stated}\n{verdict.standing}: {verdict.reason}"
+            f"typical {scientific(setting.typical)}{stated}{seen}\n{verdict.standing}: {verdict.reason}"
         )
 
     # ------------------------------------------------------------------------------------------------- legend, caption

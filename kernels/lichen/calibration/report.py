@@ -52,6 +52,10 @@ class Setting:
     """half the range in which the middle half of the timings lie, over `seconds`; 0 where time is predicted"""
     peer: bool = False
     failed: str | None = None
+    delta_e: float | None = None
+    """the largest CIEDE2000 on the photograph of the corpus; None where there is no colour picture to look at"""
+    flip: float | None = None
+    """the mean FLIP there"""
 
     @property
     def label(self) -> str:
@@ -95,6 +99,11 @@ class Report:
     def ours(self) -> list[int]:
         """Indices of our own settings in the working precision, those that failed included."""
         return [i for i, each in enumerate(self.settings) if not each.peer and each.precision == PLAIN]
+
+    @property
+    def seen(self) -> bool:
+        """Whether the result is a colour picture, whose errors a viewer sees."""
+        return any(each.flip is not None for each in self.settings)
 
     @cached_property
     def ranking(self) -> Ranking:
@@ -278,6 +287,8 @@ def _setting(setting: Setting, verdict: Verdict, knobs: Mapping[str, str]) -> di
         "dominated_by": instead and {"method": instead.method, "knob": instead.knob},
         "reason": verdict.reason,
         "failed": setting.failed,
+        "ciede2000": setting.delta_e,
+        "flip": setting.flip,
     }
 
 

@@ -20,6 +20,7 @@ from lichen.accuracy.metrics import Difference, difference
 from lichen.calibration.corpus import Case, cases, typical
 from lichen.calibration.table import Entry
 from lichen.calibration.variants import Known, Stored, telling
+from lichen.calibration.viewing import Look, viewer
 from lichen.errors import LichenError
 from lichen.memory import Array
 from lichen.opencl.device import default_device
@@ -133,20 +134,27 @@ def errors(
         example = {**example, "height": size, "width": size}
     parameters = operation.validate(example)
     found: dict[Key, list[_Found]] = {}
+    looks: dict[Key, Look | None] = {}
     known: list[Known] = []
     for case in cases(operation, parameters, size):
         truth = operation.evaluate_truth(case.inputs, parameters)
         beyond = np.abs(truth) > np.finfo(np.float32).max
         truth = np.where(beyond, np.copysign(np.inf, truth), truth)
         known.append((case, truth))
+        looking = viewer(operation, parameters, case, truth)
         able = (each for each in tried(operation) if each.method.unfit(parameters, case.facts) is None)
         for setting, backend in product(able, backends()):
-            apart = difference(setting.compute(backend, case.inputs, parameters), truth)
+            pixels = setting.compute(backend, case.inputs, parameters)
             key = (setting.method.name, setting.knob, PRECISION)
             stated = setting.error(case, parameters)
-            found.setdefault(key, []).append(_Found(case.name, apart, stated, _unit(truth)))
-    found |= _stored(operation, example, known)
-    return [_entry(operation, number, key, size, each) for key, each in found.items()]
+            found.setdefault(key, []).append(_Found(case.name, difference(pixels, truth), stated, _unit(truth)))
+            if looking and backend == backends()[0]:
+                looks[key] = looking.look(pixels)
+    for key, one, look in _stored(operation, example, known):
+        if one:
+            found.setdefault(key, []).append(one)
+        looks[key] = look or looks.get(key)
+    return [_entry(operation, number, key, size, each, looks.get(key)) for key, each in found.items()]
 
 
 def _able(operation: Operation[Any], parameters: OperationParameters, case: Case) -> list[Setting]:
@@ -158,25 +166,32 @@ def _unit(truth: Array) -> float:
     return max(1.0, float(np.abs(truth[np.isfinite(truth)]).max(initial=0.0)))
 
 
-def _stored(operation: Operation[Any], example: Mapping[str, Any], known: Sequence[Known]) -> dict[Key, list[_Found]]:
-    """The setting that is the most accurate of those that take the first picture, in stores of less precision."""
-    found: dict[Key, list[_Found]] = {}
+def _stored(
+    operation: Operation[Any], example: Mapping[str, Any], known: Sequence[Known]
+) -> Iterator[tuple[Key, _Found | None, Look | None]]:
+    """The setting that is the most accurate of those that take the first picture, in stores of less precision: what it
+    does to pictures that tell, and how that one looks that is looked at."""
     parameters = operation.validate(example)
     offered = ((case, _able(operation, parameters, case)) for case, _ in known)
     first, able = next(((case, able) for case, able in offered if able), (None, []))
     if first is None:
-        return found
+        return
     finest = min(able, key=lambda each: each.error(first, parameters).usual)
     stored = Stored(operation, example, finest.method.name, finest.knob)
-    for case, truth in telling(known):
-        for precision, result in stored.runs(case, backends()[0]):
-            apart = difference(result.image.pixels, truth, result.image.alpha)
-            seen = _Found(case.name, apart, result.error, _unit(truth))
-            found.setdefault((finest.method.name, finest.knob, str(precision)), []).append(seen)
-    return found
+    told = [case for case, _ in telling(known)]
+    for case, truth in known:
+        tells, looking = case in told, viewer(operation, parameters, case, truth)
+        for precision, result in stored.runs(case, backends()[0]) if tells or looking else ():
+            pixels = result.image.pixels
+            apart = difference(pixels, truth, result.image.alpha)
+            one = _Found(case.name, apart, result.error, _unit(truth)) if tells else None
+            look = looking.look(pixels) if looking else None
+            yield (finest.method.name, finest.knob, str(precision)), one, look
 
 
-def _entry(operation: Operation[Any], number: int, key: Key, size: int, found: Sequence[_Found]) -> Entry:
+def _entry(
+    operation: Operation[Any], number: int, key: Key, size: int, found: Sequence[_Found], look: Look | None
+) -> Entry:
     method, knob, precision = key
     worst = max(found, key=lambda each: each.largest)
     broken = [each for each in found if each.largest * each.unit > each.stated.value]
@@ -197,4 +212,6 @@ def _entry(operation: Operation[Any], number: int, key: Key, size: int, found: S
         stated=worst.stated.value / worst.unit,
         kind="bound" if all(each.stated.kind == "bound" for each in found) else "estimate",
         mismatched=sum(each.difference.mismatched for each in found),
+        delta_e=look and look.delta_e,
+        flip=look and look.flip,
     )

@@ -16,6 +16,8 @@ from pathlib import Path
 
 NAME = "errors.json"
 DIGITS = 3
+SEEN = {"delta_e": 0.05, "flip": 1e-3}
+"""Last digits of what is seen."""
 SHARE = 0.1
 """Of a figure, by which it may differ when it is found again."""
 LAST = {
@@ -56,6 +58,11 @@ class Entry:
     """bound or estimate"""
     mismatched: int
     """samples that are non-finite where truth is not, or the other way round; all images together"""
+    delta_e: float | None = None
+    """largest CIEDE2000 on the photograph, by OpenCL where it works; None where the result is no colour picture, or not
+    finite"""
+    flip: float | None = None
+    """mean FLIP there"""
 
     @property
     def order(self) -> tuple[str, int, str, str, float]:
@@ -70,10 +77,13 @@ class Entry:
     def drift(self, found: Entry) -> list[str]:
         """In words, which figures `found` does not confirm: off by more than a share and a last digit, either way."""
         said = []
-        for figure, digit in zip(("largest", "typical_rms"), LAST[self.precision], strict=True):
+        digits = dict(zip(("largest", "typical_rms"), LAST[self.precision], strict=True)) | SEEN
+        for figure, digit in digits.items():
             old, new = getattr(self, figure), getattr(found, figure)
-            if abs(new - old) > SHARE * old + digit:
-                said.append(f"{found.method} at {found.knob}, {found.precision}: {figure} was {old:.3g}, is {new:.3g}")
+            known = old is not None and new is not None
+            if abs(new - old) > SHARE * old + digit if known else old is not new:
+                words = ("none" if each is None else f"{each:.3g}" for each in (old, new))
+                said.append(f"{found.method} at {found.knob}, {found.precision}: {figure} was {', is '.join(words)}")
         return said
 
 

@@ -29,7 +29,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 from lichen.calibration.corpus import Case, typical
-from lichen.calibration.fit import Sample, fit
+from lichen.calibration.fit import Sample, apart, fit
 from lichen.calibration.kinds import PLAIN, compared, general, known
 from lichen.calibration.pace import lower_quartile, pace
 from lichen.calibration.sweep import Setting, settings
@@ -40,6 +40,9 @@ from lichen.operation import Method, Operation, Rate
 SIDES = (32, 64, 128, 256, 512, 1024, 1536)
 LEAST = 2
 """Cells of a method and a kind: what is left of a few when there are many kinds."""
+ALIKE = 1.25
+"""A kind of request whose runs lie within this factor of what all kinds together tell, in the median, is none of its
+own: it has few runs, which scatter as much, and methods would compare by that."""
 TOO_LONG = 4.0
 """Times the longest run allowed, beyond which no run is begun that is known to take so long."""
 
@@ -278,12 +281,16 @@ class Timing:
 
     def _rate(self, name: str, own: Mapping[str, Sequence[Sample]]) -> Rate:
         """Of the methods that run what `name` does, by samples of each kind."""
-        overall = fit([each for taken in own.values() for each in taken], self.owner.methods[name].rates[self.backend])
+        declared = self.owner.methods[name].rates[self.backend]
+        overall = fit([each for taken in own.values() for each in taken], declared)
         if self.plan.kinds:
-            kinds = {each: fit(taken, overall) for each, taken in own.items()} if len(own) > 1 else {}
+            odd = [each for each, taken in own.items() if apart(overall, taken) > ALIKE]
+            alike = [each for kind, taken in own.items() if kind not in odd for each in taken]
+            overall = fit(alike, declared) if alike else overall
+            kinds = {each: fit(own[each], overall) for each in odd}
         else:
             kind, taken = next(iter(own.items()))
             told = known(self.backend, self.owner.name, name)
             kinds = compared(told, kind, taken, general(self.backend, pace(self.backend).usual))
-            overall = kinds.get(kind) or kinds.pop(PLAIN, overall)
+            overall = kinds.pop(PLAIN, kinds.get(kind, overall))
         return Rate(overall.start, overall.step, kinds)

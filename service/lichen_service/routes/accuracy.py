@@ -7,6 +7,7 @@ machine is calibrated, so they are kept for as long as its rates are the same.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -17,11 +18,12 @@ from lichen.accuracy import times
 from lichen.calibration.drawing import to_png, to_svg
 from lichen.calibration.gather import SIZE, SIZES, predicted
 from lichen.calibration.plot import plot
-from lichen.calibration.report import Report
+from lichen.calibration.report import PLAIN, Report
 from lichen.errors import Flaw, InvalidRequest, nearest
 from lichen.opencl.device import default_device
 from lichen.operation import Operation
 from lichen.parameters import Documented
+from lichen_service.addresses import address_of
 from lichen_service.descriptions import accuracy_path_of, path_of
 from lichen_service.documents import canonical, document
 from lichen_service.http.message import Head, Request, Response
@@ -140,10 +142,25 @@ def _report(name: str, view: View, backend: str, stamp: int) -> Report:
 def _body(name: str, view: View, form: str, backend: str, stamp: int) -> bytes:
     report = _report(name, view, backend, stamp)
     if form == "json":
-        operation = catalogue.operation(name)
-        return canonical({**report.to_json(), "examples": operation.examples, "links": _links(operation)})
+        operation, told = catalogue.operation(name), report.to_json()
+        settings = [each | {"replay": _replay(operation, report, each)} for each in told["settings"]]
+        return canonical({**told, "settings": settings, "examples": operation.examples, "links": _links(operation)})
     drawing = plot(report)
     return to_svg(drawing) if form == "svg" else to_png(drawing, view.theme)
+
+
+def _replay(operation: Operation[Any], report: Report, setting: Mapping[str, Any]) -> str | None:
+    """Where a picture is sent to be computed so; None for what another library does or what cannot run."""
+    if setting["peer"] or setting["failed"] is not None:
+        return None
+    values = operation.validate(report.parameters).model_dump(exclude_defaults=True)
+    if setting["precision"] != PLAIN:
+        values["precision"] = setting["precision"]
+    if setting["method"] in operation.methods:
+        values["method"] = setting["method"]
+    if setting["knob"] is not None:
+        values[setting["knob_name"]] = setting["knob"]
+    return address_of(operation, values)
 
 
 @lru_cache(16)

@@ -306,7 +306,7 @@ def best(until: float, size: int = 512) -> Section:
     """The blur that is chosen beside the quickest setting that meets the error."""
     calibrated(operation("gaussian"), backends()[0])
     image = as_image(np.tile(picture("photo", 256), (size // 256, size // 256, 1)))
-    turns, told, ratios = Turns(Copies(len(available())), rounds=5, longest=1.5), [], []
+    turns, told, ratios = Turns(Copies(len(available())), rounds=15, longest=1.5), [], []
     for sigma, asked in product(SIGMAS, BLUR_ERRORS):
         if time.perf_counter() > until:
             break

@@ -56,6 +56,10 @@ def test_another_processor_s_last_digit_is_no_drift_and_all_else_is() -> None:
     assert coarse.drift(_entry(largest=1.09e-3, typical_rms=0.91e-4)) == []
     (better,) = coarse.drift(_entry(largest=0.8e-3, typical_rms=1e-4))
     assert "largest was 0.001, is 0.0008" in better
+    seen = _entry(delta_e=2.0, flip=0.02)
+    assert seen.drift(_entry(delta_e=2.2, flip=0.022)) == []
+    assert len(seen.drift(_entry(delta_e=2.5, flip=0.03))) == 2
+    assert "delta_e was 2, is none" in seen.drift(_entry(flip=0.02))[0]
     assert not _entry(mismatched=1).holds
     assert _entry(mismatched=1, precision="fixed8").holds
 

@@ -177,6 +177,20 @@ def test_methods_that_run_the_same_are_timed_together() -> None:
     assert rates["gaussian", "deriche"] != rates["gaussian", "fir"]
 
 
+def test_a_kind_that_takes_as_long_as_the_others_is_none() -> None:
+    """Few runs of each tell it apart by chance alone; what is slower by more than that is no part of the others."""
+    timing = Timing(operation("gaussian"), "numpy", SHORT)
+    fir = {cell: kept for cell, kept in timing.seconds.items() if cell.method == "fir"}
+    odd = min(cell.kind for cell in fir)
+    for place, (cell, kept) in enumerate(fir.items()):
+        scatter = 1.1 if place % 2 else 0.9
+        kept.extend([(1e-3 + 1e-11 * cell.work) * (5 if cell.kind == odd else scatter)] * 3)
+    rate = timing.rates()["gaussian", "fir"]
+    assert set(rate.kinds) == {odd}
+    for each, times_as_long in (("", 1), (odd, 5)):
+        assert rate.seconds(1e6, each) == pytest.approx(times_as_long * 1.01e-3, rel=0.15)
+
+
 def test_kinds_are_written_down_at_the_pace_of_the_table(tmp_path: Path) -> None:
     """Some operations are measured later than others, on a machine that is slower just then."""
     rows = [row for row in json.loads(files("lichen.calibration").joinpath(NAME).read_text()) if row[0] == "numpy"]

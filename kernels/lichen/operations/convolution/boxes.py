@@ -25,7 +25,7 @@ from lichen.opencl.device import Device
 from lichen.operation import ROUNDING, Border
 from lichen.operations.convolution.borders import OUTSIDE, continued
 from lichen.operations.convolution.gaussian_weights import half_kernel
-from lichen.operations.convolution.recursive import both_passes
+from lichen.operations.convolution.recursive import LANES, both_passes
 
 
 @dataclass(frozen=True)
@@ -89,14 +89,16 @@ def boxes_opencl(device: Device, pixels: Array, down: Boxes, across: Boxes, bord
     """`pixels` (height, width, channels) through the three boxes of either axis."""
     out = aligned_empty(pixels.shape)
     with device.session() as session:
-        for made, each in zip((down, across), both_passes(session, pixels, out), strict=True):
+        passes = tuple(zip((down, across), both_passes(session, pixels, out), strict=True))
+        lines = session.scratch((max(each.items * LANES * (each.size + 2 * made.reach) for made, each in passes),))
+        sums = session.scratch((max(each.floats for _, each in passes),))
+        for made, each in passes:
             around = np.arange(-made.reach, each.size + made.reach)
             sources = continued(around, each.size, border).astype(np.int32)
             session.launch(
-                "convolution/lines.cl", "boxes", each.items,
+                "convolution/lines.cl", "boxes", (each.items,),
                 each.source, aligned(sources, np.int32), aligned(np.array(made.radii, np.int32), np.int32),
-                session.readwrite(each.scratch(session, len(sources))),
-                session.readwrite(each.scratch(session, each.size * each.step)), session.readwrite(each.target),
+                session.readwrite(lines), session.readwrite(sums), session.readwrite(each.target),
                 *each.numbers, np.int32(len(sources)), np.float32(made.part), np.float32(value), local=(1,),
             )  # fmt: skip
     return out

@@ -157,7 +157,7 @@ def _by_matrices(pixels: Array, weights: tuple[Vector, Vector], border: Border, 
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, MOST_TAIL),
     error=base.fir_error,
     work=base.fir_work,
-    rates={"opencl": Rate(1e-3, 2.3e-11), "numpy": Rate(1e-4, 7e-11)},
+    rates={"opencl": Rate(5e-4, 2.2e-11), "numpy": Rate(2e-4, 7e-11)},
 )
 class Fir:
     """The kernel, cut where little weight is left and normalised, as two passes of multiply-adds."""
@@ -212,7 +212,7 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the modes that are dropped", 1e-9, MOST_TAIL),
     error=base.dct_error,
     work=base.dct_work,
-    rates={"opencl": Rate(1e-3, 1.2e-11), "numpy": Rate(1e-5, 9e-12)},
+    rates={"opencl": Rate(1e-3, 2.9e-11), "numpy": Rate(1e-4, 1.8e-11)},
     unfit=base.dct_unfit,
 )
 class Dct:
@@ -259,13 +259,13 @@ def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Arr
 
 @gaussian.method(
     "deriche",
-    scratch=3.1,
+    scratch=2.1,
     knob=Knob("order", (2, 4, 6, 8), "exponentials in the response", 2, 8),
     error=base.recursive_error(base.deriche_filters),
     least=base.least_error("deriche"),
     work=base.deriche_work,
     body="recursive",
-    rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    rates={"opencl": Rate(7e-4, 1e-11), "numpy": Rate(7e-4, 8e-11)},
     unfit=base.recursive_unfit,
 )
 class Deriche:
@@ -283,13 +283,13 @@ class Deriche:
 
 @gaussian.method(
     "vliet-young",
-    scratch=3.1,
+    scratch=2.1,
     knob=Knob("poles", (3, 4, 5), "poles of the all-pole filter", 3, 5),
     error=base.recursive_error(base.vliet_young_filters),
     least=base.least_error("vliet-young"),
     work=base.vliet_young_work,
     body="recursive",
-    rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    rates={"opencl": Rate(7e-4, 1e-11), "numpy": Rate(7e-4, 8e-11)},
     unfit=base.vliet_young_unfit,
 )
 class VlietYoung:
@@ -307,12 +307,12 @@ class VlietYoung:
 
 @gaussian.method(
     "box3",
-    scratch=4.4,
+    scratch=3.2,
     knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1),
     error=base.boxes_error,
     least=base.least_error("box3"),
     work=base.boxes_work,
-    rates={"opencl": Rate(1e-3, 1.1e-11), "numpy": Rate(1e-3, 3e-10)},
+    rates={"opencl": Rate(6e-4, 1e-11), "numpy": Rate(2.5e-4, 1.4e-10)},
     unfit=base.recursive_unfit,
 )
 class Box3:

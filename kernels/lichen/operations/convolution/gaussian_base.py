@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
 from lichen.errors import Flaw
 from lichen.once import latest
-from lichen.operation import ROUNDING, Border, Degrees, Error, Facts, InputFacts, OperationParameters, Pixels
+from lichen.operation import ROUNDING, Border, Degrees, Error, InputFacts, OperationParameters, Pixels
 from lichen.operations.convolution import gaussian_turned, lowrank
 from lichen.operations.convolution.boxes import Boxes, boxes, boxes_distance
 from lichen.operations.convolution.gaussian_turned import Turned
-from lichen.operations.convolution.gaussian_weights import dct_modes, fir_radius
+from lichen.operations.convolution.gaussian_weights import dct_modes, fir_radius, modes_about
 from lichen.operations.convolution.missing import Missing, check_mask, leaves_out, renormalised_error
 from lichen.operations.convolution.passes import rows_laid_out
 from lichen.operations.convolution.recursive import BLOCK
@@ -85,6 +86,7 @@ def check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     return flaws
 
 
+@latest
 def spread(p: Parameters, facts: InputFacts) -> tuple[float, float]:
     """Largest difference between input values, and largest magnitude, with the constant beyond the border."""
     extent = facts["image"].extent
@@ -157,27 +159,30 @@ def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
         terms = len(gaussian_turned.taken_apart(request.turned, tail)[0])
         return image.samples * terms * (sum(gaussian_turned.cut(request.turned, tail)[0].shape) + 60.0)
     tall, wide = _taps(request, tail)
-    taps = tall + wide
     if request.renormalised:
-        return 2 * image.samples * (MOVED + taps)
-    together = rows_laid_out(tall, wide, image.channels)
-    moved = _tiled(image, tall, wide, together[0], request.working) if together else image.samples * (MOVED + taps)
+        return 2 * image.samples * (MOVED + tall + wide)
     folded = sum(size * size for sigma, size in request.sides if 2 * fir_radius(sigma, tail)[0] >= size)
-    return moved + FOLDED * folded
+    return _passed(image.height, image.width, image.channels, tall, wide, request.working) + FOLDED * folded
 
 
-def _tiled(image: Facts, tall: int, wide: int, tile: int, working: int) -> float:
-    """Of both passes as one: rows above and below a tile are filtered along again, and with few tiles some processor
-    has none."""
-    tiles = -(-image.width * image.channels // tile)
-    bands = -(-image.height // banded(image.height, tiles, 2 * tall))
+@lru_cache(1024)
+def _passed(height: int, width: int, channels: int, tall: int, wide: int, working: int) -> float:
+    """Of both passes: where they are one, rows above and below a tile are filtered along again, and with few tiles some
+    processor has none."""
+    together = rows_laid_out(tall, wide, channels)
+    if together is None:
+        return height * width * channels * (MOVED + tall + wide)
+    tile = together[0]
+    tiles = -(-width * channels // tile)
+    bands = -(-height // banded(height, tiles, 2 * tall))
     items = tiles * bands
     busy = -(-items // working) * working / items * tiles * tile
-    return busy * (1.6 * wide * (image.height + bands * (tall - 1)) + 0.44 * tall * image.height)
+    return busy * ((1.6 * wide + STAGED) * (height + bands * (tall - 1)) + 0.44 * tall * height)
 
 
-MOVED, FOLDED = 122, 700
-"""Multiply-adds that take as long as moving a sample through both passes, or as folding into one number of a matrix."""
+MOVED, STAGED, FOLDED = 122, 10, 700
+"""Multiply-adds that take as long as moving a sample through both passes, as reading it into a tile, or as folding into
+one number of a matrix."""
 
 
 # -------------------------------------------------------------------------------------------------------------- dct
@@ -196,11 +201,12 @@ def dct_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
 
 
 def dct_work(p: Parameters, tail: float, facts: InputFacts) -> float:
-    """Multiply-adds of the four products, and what it takes to read the image, to write it and to flip the modes."""
+    """Multiply-adds of the four products, those of the modes at their own pace, and what it takes to read the image and
+    to write it."""
     image = facts["image"]
-    rows, columns = (dct_modes(sigma, size, tail)[0] for sigma, size in asked(p, facts).sides)
+    rows, columns = (modes_about(sigma, size, tail) for sigma, size in asked(p, facts).sides)
     few = rows * image.width * image.channels
-    return 2.0 * image.samples * rows + 11.0 * few * columns + 160.0 * image.samples + 2200.0 * few
+    return image.samples * (2.0 * rows + 40.0) + 3.5 * few * columns
 
 
 def dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
@@ -208,7 +214,8 @@ def dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
         return f"the border is {p.border}; a cosine transform continues by reflection"
     if reason := _not_plain(p, facts):
         return reason
-    if max(dct_modes(sigma, size, 1e-7)[0] for sigma, size in asked(p, facts).sides) > MOST_MODES:
+    sides = [(sigma, size) for sigma, size in asked(p, facts).sides if size > MOST_MODES]
+    if any(dct_modes(sigma, size, 1e-7)[0] > MOST_MODES for sigma, size in sides):
         return f"more than {MOST_MODES} modes pass so narrow a kernel"
     if facts["image"].extent.nonfinite:
         return "a transform would spread NaN and infinity over the whole image"
@@ -277,7 +284,7 @@ def recursive_work(extent: Extent, even: int = 1, low: float = NARROWEST) -> Cal
         total, whole = 0.0, int(order) // even * even
         for sigma, side in asked(p, facts).sides:
             reach, poles = extent(min(max(sigma, low), RECURSIVE), whole)
-            total += PASSED + poles * (12 + 26 * min(reach / side, 1.0))
+            total += PASSED + poles * (10.5 + 19 * min(reach / side, 1.0))
         return facts["image"].samples * total
 
     return work
@@ -297,14 +304,15 @@ APART: Mapping[str, Mapping[float, float]] = {
 
 def least_error(method: str) -> Callable[[Parameters, float, InputFacts], float]:
     """Of the worse pass, by whole values of the knob."""
+    known = APART[method]
+    return lambda p, knob, facts: known.get(knob, 0.0) * _apart(p, facts)
 
-    def least(p: Parameters, knob: float, facts: InputFacts) -> float:
-        turned, _, ((down, _), (across, _)), _ = asked(p, facts)
-        if turned is not None or not 1 <= max(down, across) <= RECURSIVE:
-            return 0.0
-        return APART[method].get(knob, 0.0) * spread(p, facts)[0]
 
-    return least
+@latest
+def _apart(p: Parameters, facts: InputFacts) -> float:
+    """What the numbers of `APART` are times; nothing where they say nothing."""
+    turned, _, ((down, _), (across, _)), _ = asked(p, facts)
+    return spread(p, facts)[0] if turned is None and 1 <= max(down, across) <= RECURSIVE else 0.0
 
 
 def recursive_unfit(p: Parameters, facts: InputFacts, narrowest: float = 1e-2) -> str | None:

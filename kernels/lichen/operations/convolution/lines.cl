@@ -1,15 +1,21 @@
 // Filters that run along whole lines of an image, which come out transposed: twice, and it is as it was.
 //
 // The image is a matrix of `rows` x `width` floats. Samples of one line lie `step` rows apart: 1 down the image, whose
-// rows are floats side by side; the number of channels after that, when what was a float of a row is a row. One item owns
-// LANES columns, runs along them in `scratch`, and stores them as rows, 16 x 16 floats at a time.
+// rows are floats side by side; the number of channels after that, when what was a float of a row is a row. An item takes
+// LANES columns, those `items` times as many further on and so forth. It runs along them in its own part of the scratch
+// memory and stores them as rows, 16 x 16 floats at a time.
 //
 // recurse: PAIRS of complex states, each c[n] = p c[n - 1] + x[n], once from either end; the result is the sum of the
 //   real parts of a c. States before the first and after the last sample come from `before` and `after`: which samples
 //   they are sums of, and by which weights (`begin_weights`, 2 PAIRS of them for each sample); index -1 is the constant.
 // boxes: three running means in a row, each of `2 r + 1` samples and a part of one more at either end.
 
+#include "stream.clh"
+
 #define LANES 16
+// Samples of a line that are asked for before they are needed, since they lie too far apart for the processor to foresee
+// them: 0.83 to 0.92 of the time at 12 megapixels, and nothing where the image fits into a cache.
+#define AHEAD 16
 
 inline float16 fetch(__global const float *from, int wide)
 {
@@ -84,13 +90,13 @@ __kernel void recurse(__global const float *restrict in, __global const int *res
                       __global const float *restrict before_weights, __global const int *restrict after,
                       __global const float *restrict after_weights, __global const float *restrict filter,
                       __global float *restrict scratch, __global float *restrict out, int rows, int width,
-                      int in_stride, int out_stride, int step, int before_count, int after_count, float value)
+                      int in_stride, int out_stride, int step, int items, int before_count, int after_count,
+                      float value)
 {
-    int x = get_global_id(0) * LANES;
-    if (x >= width)
+    int item = get_global_id(0);
+    if (item >= items)
         return;
-    int wide = min(LANES, width - x);
-    __global float *sums = scratch + (size_t)x * rows;
+    __global float *sums = scratch + (size_t)item * LANES * rows;
     float pr[PAIRS], pi[PAIRS], ar[PAIRS], ai[PAIRS], br[PAIRS], bi[PAIRS];
     #pragma unroll
     for (int k = 0; k < PAIRS; k++) {
@@ -101,35 +107,39 @@ __kernel void recurse(__global const float *restrict in, __global const int *res
         br[k] = filter[6 * k + 4];
         bi[k] = filter[6 * k + 5];
     }
-    for (int c = 0; c < step; c++) {
-        __global const float *line = in + x + (size_t)c * in_stride;
-        float16 re[PAIRS], im[PAIRS];
-        begin(re, im, line, in_stride, step, before, before_weights, before_count, wide, value);
-        for (int i = c; i < rows; i += step) {
-            float16 s = fetch(in + x + (size_t)i * in_stride, wide), y = (float16)(0.0f);
-            #pragma unroll
-            for (int k = 0; k < PAIRS; k++) {
-                float16 old = re[k];
-                re[k] = fma((float16)(pr[k]), old, fma((float16)(-pi[k]), im[k], s));
-                im[k] = fma((float16)(pr[k]), im[k], (float16)(pi[k]) * old);
-                y = fma((float16)(ar[k]), re[k], fma((float16)(-ai[k]), im[k], y));
+    for (int x = item * LANES; x < width; x += items * LANES) {
+        int wide = min(LANES, width - x);
+        for (int c = 0; c < step; c++) {
+            __global const float *line = in + x + (size_t)c * in_stride;
+            float16 re[PAIRS], im[PAIRS];
+            begin(re, im, line, in_stride, step, before, before_weights, before_count, wide, value);
+            for (int i = c; i < rows; i += step) {
+                stream_ask(in + x + (size_t)(i + AHEAD * step) * in_stride);
+                float16 s = fetch(in + x + (size_t)i * in_stride, wide), y = (float16)(0.0f);
+                #pragma unroll
+                for (int k = 0; k < PAIRS; k++) {
+                    float16 old = re[k];
+                    re[k] = fma((float16)(pr[k]), old, fma((float16)(-pi[k]), im[k], s));
+                    im[k] = fma((float16)(pr[k]), im[k], (float16)(pi[k]) * old);
+                    y = fma((float16)(ar[k]), re[k], fma((float16)(-ai[k]), im[k], y));
+                }
+                vstore16(y, i, sums);
             }
-            vstore16(y, i, sums);
-        }
-        begin(re, im, line, in_stride, step, after, after_weights, after_count, wide, value);
-        for (int i = rows - step + c; i >= 0; i -= step) {
-            float16 s = fetch(in + x + (size_t)i * in_stride, wide), y = vload16(i, sums);
-            #pragma unroll
-            for (int k = 0; k < PAIRS; k++) {
-                float16 old = re[k];
-                y = fma((float16)(br[k]), old, fma((float16)(-bi[k]), im[k], y));
-                re[k] = fma((float16)(pr[k]), old, fma((float16)(-pi[k]), im[k], s));
-                im[k] = fma((float16)(pr[k]), im[k], (float16)(pi[k]) * old);
+            begin(re, im, line, in_stride, step, after, after_weights, after_count, wide, value);
+            for (int i = rows - step + c; i >= 0; i -= step) {
+                float16 s = fetch(in + x + (size_t)i * in_stride, wide), y = vload16(i, sums);
+                #pragma unroll
+                for (int k = 0; k < PAIRS; k++) {
+                    float16 old = re[k];
+                    y = fma((float16)(br[k]), old, fma((float16)(-bi[k]), im[k], y));
+                    re[k] = fma((float16)(pr[k]), old, fma((float16)(-pi[k]), im[k], s));
+                    im[k] = fma((float16)(pr[k]), im[k], (float16)(pi[k]) * old);
+                }
+                vstore16(y, i, sums);
             }
-            vstore16(y, i, sums);
         }
+        transposed(sums, out + (size_t)x * out_stride, rows, wide, out_stride);
     }
-    transposed(sums, out + (size_t)x * out_stride, rows, wide, out_stride);
 }
 #endif
 
@@ -153,27 +163,31 @@ inline void box(__global const float *line, __global float *out, int count, int 
 __kernel void boxes(__global const float *restrict in, __global const int *restrict sources,
                     __global const int *restrict radii, __global float *lines, __global float *sums,
                     __global float *restrict out, int rows, int width, int in_stride, int out_stride, int step,
-                    int count, float part, float value)
+                    int items, int count, float part, float value)
 {
-    int x = get_global_id(0) * LANES;
-    if (x >= width)
+    int item = get_global_id(0);
+    if (item >= items)
         return;
-    int wide = min(LANES, width - x), left = count;
-    __global float *line = lines + (size_t)x * count, *sum = sums + (size_t)x * rows;
-    for (int c = 0; c < step; c++) {
-        left = count;
-        for (int i = 0; i < count; i++) {
-            __global const float *from = in + x + ((size_t)max(sources[i], 0) * step + c) * in_stride;
-            vstore16(sources[i] < 0 ? (float16)(value) : fetch(from, wide), i, line);
+    __global float *line = lines + (size_t)item * LANES * count, *sum = sums + (size_t)item * LANES * rows;
+    for (int x = item * LANES; x < width; x += items * LANES) {
+        int wide = min(LANES, width - x);
+        for (int c = 0; c < step; c++) {
+            int left = count;
+            for (int i = 0; i < count; i++) {
+                int later = sources[min(i + AHEAD, count - 1)];
+                stream_ask(in + x + ((size_t)max(later, 0) * step + c) * in_stride);
+                __global const float *from = in + x + ((size_t)max(sources[i], 0) * step + c) * in_stride;
+                vstore16(sources[i] < 0 ? (float16)(value) : fetch(from, wide), i, line);
+            }
+            for (int k = 0; k < 3; k++) {
+                left -= 2 * radii[k] + 2;
+                float scale = 1.0f / (2 * radii[k] + 1 + 2 * part);
+                if (k < 2)
+                    box(line, line, left, radii[k], 1, part, scale);
+                else
+                    box(line, sum + c * LANES, left, radii[k], step, part, scale);
+            }
         }
-        for (int k = 0; k < 3; k++) {
-            left -= 2 * radii[k] + 2;
-            float scale = 1.0f / (2 * radii[k] + 1 + 2 * part);
-            if (k < 2)
-                box(line, line, left, radii[k], 1, part, scale);
-            else
-                box(line, sum + c * LANES, left, radii[k], step, part, scale);
-        }
+        transposed(sum, out + (size_t)x * out_stride, rows, wide, out_stride);
     }
-    transposed(sum, out + (size_t)x * out_stride, rows, wide, out_stride);
 }

@@ -7,9 +7,12 @@
 // apart: the same, one float an item, for devices whose items step together and share a cache.
 // flip: (rows x columns) groups of `channels` floats, transposed.
 
+#include "stream.clh"
+
 #define STRIP 32
 #define DEPTH 128
 #define BLOCK 8
+#define AHEAD 8 // rows that are asked for before they are needed, since they lie too far apart to be foreseen
 
 __kernel void multiply(__global const float *restrict left, __global const float *restrict in,
                        __global const float *restrict start, __global float *restrict out, int count, int depth,
@@ -25,6 +28,8 @@ __kernel void multiply(__global const float *restrict left, __global const float
         for (int j = 0; j < terms; j++) {
             __global const float *from = in + (size_t)(first + j) * width + x;
             float *to = stage + j * STRIP;
+            stream_ask(from + (size_t)AHEAD * width);
+            stream_ask(from + (size_t)AHEAD * width + 16);
             if (wide == STRIP) {
                 vstore16(vload16(0, from), 0, to);
                 vstore16(vload16(1, from), 1, to);
@@ -61,6 +66,13 @@ __kernel void multiply(__global const float *restrict left, __global const float
             }
             for (int k = max(0, i - row); k < lanes; k++) { // rows below `i` already hold this block's terms
                 __global float *to = out + (size_t)(row + k) * width + x;
+                if (wide == STRIP) {
+                    float16 a = first ? vload16(0, to) : (float16)(start[row + k]);
+                    float16 b = first ? vload16(1, to) : (float16)(start[row + k]);
+                    vstore16(a + low[k], 0, to);
+                    vstore16(b + high[k], 1, to);
+                    continue;
+                }
                 float sums[STRIP];
                 vstore16(low[k], 0, sums);
                 vstore16(high[k], 1, sums);

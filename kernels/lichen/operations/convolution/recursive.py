@@ -26,6 +26,10 @@ from lichen.operations.convolution.recursive_filters import Filter
 
 BLOCK, LANES = 32, 16
 """Samples of a block with NumPy; floats that run side by side with OpenCL, as in lines.cl."""
+ITEMS = 64
+"""Work-items of a pass: enough for every processor, and so few that what they keep of their lines is little memory.
+With an item for every line, four pictures of 12 megapixels at once take two to three times as long, since the system
+has to be asked for so much memory."""
 
 
 @lru_cache(maxsize=64)
@@ -54,29 +58,30 @@ class Pass:
     size: int
     step: int
     lanes: int
-
-    @property
-    def items(self) -> tuple[int]:
-        return (-(-self.lanes // LANES),)
+    items: int
 
     @property
     def numbers(self) -> tuple[np.int32, ...]:
-        """rows, width, in_stride, out_stride and step of the kernels."""
+        """rows, width, in_stride, out_stride, step and items of the kernels."""
         rows, stride, turned = self.size * self.step, self.source.shape[-1], self.target.shape[-1]
-        return tuple(np.int32(each) for each in (rows, self.lanes, stride, turned, self.step))
+        return tuple(np.int32(each) for each in (rows, self.lanes, stride, turned, self.step, self.items))
 
-    def scratch(self, session: Session, samples: int) -> Array:
-        """So many floats for every lane."""
-        return session.scratch((self.items[0] * LANES, samples))
+    @property
+    def floats(self) -> int:
+        """Of the lines that items are at."""
+        return self.items * LANES * self.size * self.step
 
 
 def both_passes(session: Session, pixels: Array, out: Array) -> tuple[Pass, Pass]:
     """Down the image into a transposed one between, and along its rows into `out`; shapes (height, width, channels)."""
     height, width, channels = pixels.shape
     floats = width * channels
+    down, across = (-(-lanes // LANES) for lanes in (floats, height))
+    if not session.in_step:
+        down, across = min(down, ITEMS), min(across, ITEMS)
     between = session.scratch((floats, -(-height // LANES) * LANES))
     flat, done = pixels.reshape(height, floats), out.reshape(height, floats)
-    return Pass(flat, between, height, 1, floats), Pass(between, done, width, channels, height)
+    return Pass(flat, between, height, 1, floats, down), Pass(between, done, width, channels, height, across)
 
 
 def recursive_opencl(
@@ -85,14 +90,16 @@ def recursive_opencl(
     """`pixels` (height, width, channels) filtered along columns by `down` and along rows by `across`."""
     out = aligned_empty(pixels.shape)
     with device.session() as session:
-        for filtered, each in zip((down, across), both_passes(session, pixels, out), strict=True):
+        passes = both_passes(session, pixels, out)
+        sums = session.scratch((max(each.floats for each in passes),))
+        for filtered, each in zip((down, across), passes, strict=True):
             before, before_weights = start(filtered, each.size, border, -1, -1)
             after, after_weights = start(filtered, each.size, border, each.size, 1)
             session.launch(
-                "convolution/lines.cl", "recurse", each.items,
+                "convolution/lines.cl", "recurse", (each.items,),
                 each.source, aligned(before, np.int32), aligned(before_weights), aligned(after, np.int32),
                 aligned(after_weights), _constants(filtered),
-                session.readwrite(each.scratch(session, each.size * each.step)), session.readwrite(each.target),
+                session.readwrite(sums), session.readwrite(each.target),
                 *each.numbers, np.int32(len(before)), np.int32(len(after)), np.float32(value), local=(1,),
                 defines={"PAIRS": len(filtered.poles)},
             )  # fmt: skip

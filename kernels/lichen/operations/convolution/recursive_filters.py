@@ -143,9 +143,8 @@ def deriche_extent(sigma: float, order: int) -> tuple[int, int]:
 
 @lru_cache(maxsize=256)
 def vliet_young_extent(sigma: float, order: int) -> tuple[int, int]:
-    """As `deriche_extent`."""
-    slowest = min(abs(each) for each in _PROTOTYPES[order])
-    return _forgotten(-math.log(slowest) / _power(sigma, order)), len(_PROTOTYPES[order])
+    """As `deriche_extent`; nobody needs the exponent to its last digit for it."""
+    return _forgotten(-_SLOWEST[order] / _power(sigma, order, 1e-4)), len(_PROTOTYPES[order])
 
 
 def _forgotten(damping: float) -> int:
@@ -168,16 +167,17 @@ def vliet_young(sigma: float, order: int) -> Filter:
 
 
 @lru_cache(maxsize=256)
-def _power(sigma: float, order: int) -> float:
+def _power(sigma: float, order: int, tolerance: float = 1e-14) -> float:
     """1 / it is the exponent that gives the prototype's poles the variance sigma^2."""
     logs, wide = _LOGS[order], sigma**2
     # A pole adds 1 / l^2 - 1/12 and less than l^2 / 240 more, with l = log p.
-    found = math.sqrt((wide + sum(each for each, _ in logs) / 12) / sum((each / log**2).real for each, log in logs))
+    added, share = _SUMS[order]
+    found = math.sqrt((wide + added) / share)
     for _ in range(STEPS):
         variance, slope = _variance(logs, found)
         step = (wide - variance) / slope
         found += step
-        if abs(step) <= 1e-14 * found:
+        if abs(step) <= tolerance * found:
             break
     return found
 
@@ -187,6 +187,13 @@ _LOGS = {
     for order, prototype in _PROTOTYPES.items()
 }
 """By order: how much each of the prototype's poles adds to a variance, and its logarithm."""
+_SLOWEST = {order: math.log(min(map(abs, prototype))) for order, prototype in _PROTOTYPES.items()}
+_SUMS = {
+    order: (sum(each for each, _ in logs) / 12, sum((each / log**2).real for each, log in logs))
+    for order, logs in _LOGS.items()
+}
+"""By order: the logarithm of the prototype's slowest pole; what its poles add to a variance at least, and by how much
+that grows with the square of the power."""
 STEPS = 20
 """Of Newton's method at most; three or four do."""
 

@@ -30,6 +30,7 @@ from pydantic import Field
 
 from lichen.image import Alpha, Extent
 from lichen.memory import Array, aligned, aligned_empty
+from lichen.once import latest
 from lichen.operation import (
     POINTWISE,
     ROUNDING,
@@ -56,6 +57,8 @@ if TYPE_CHECKING:
 
 SHARES = np.arange(1, 16) / 16
 """Where between two entries of a table its error is looked for."""
+LENGTHS = (8, 32, 128, 1024)
+"""Of tables."""
 WORST = 16
 """Pairs of entries that are looked at so, of many."""
 
@@ -162,10 +165,16 @@ def _tabled_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 
 
 def _tabled_least(p: Parameters, knob: float, facts: InputFacts) -> float:
-    """Half way between the first two entries."""
-    lens = _lens(p, facts)
-    first, halfway, second = lens.gain(np.array([0.0, 0.5, 1.0]) * (lens.farthest / (round(knob) - 1)))
-    return abs(float(first + second) / 2 - float(halfway)) * facts["image"].extent.magnitude
+    return _leasts(p, facts).get(knob, 0.0)
+
+
+@latest
+def _leasts(p: Parameters, facts: InputFacts) -> dict[float, float]:
+    """For tables of all lengths: half way between the first two entries."""
+    lens, magnitude = _lens(p, facts), facts["image"].extent.magnitude
+    steps = lens.farthest / (np.array(LENGTHS) - 1)
+    first, halfway, second = lens.gain(np.multiply.outer([0.0, 0.5, 1.0], steps))
+    return dict(zip(LENGTHS, (magnitude * np.abs((first + second) / 2 - halfway)).tolist(), strict=True))
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
@@ -293,7 +302,7 @@ class Exact:
 
 @vignette.method(
     "table",
-    knob=Knob("entries", (8, 32, 128, 1024), "gains along the radius", 2, 65536),
+    knob=Knob("entries", LENGTHS, "gains along the radius", 2, 65536),
     error=_tabled_error,
     least=_tabled_least,
     work=lambda p, knob, facts: facts["image"].pixels * (4.0 + facts["image"].channels) + knob,

@@ -20,6 +20,7 @@ from lichen.operations.convolution.gaussian_weights import (
     fir_radius,
     fir_weights,
     half_kernel,
+    modes_about,
 )
 from lichen.operations.convolution.passes import folded
 
@@ -57,6 +58,13 @@ def test_kernel_sums_to_one_and_loses_what_it_says(sigma: float) -> None:
         cut = np.zeros_like(whole)
         cut[len(half) - 1 - radius : len(half) + radius] = weights
         assert np.abs(whole - cut).sum() <= 2 * tail * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("size", [16, 300, 4000])
+@pytest.mark.parametrize("sigma", [0.3, 1.0, 5.0, 60.0, 700.0])
+def test_how_many_modes_are_kept_is_about_known_at_once(size: int, sigma: float) -> None:
+    for tail in (1e-2, 1e-4, 1e-7):
+        assert modes_about(sigma, size, tail) == pytest.approx(dct_modes(sigma, size, tail)[0], rel=0.03, abs=1)
 
 
 @pytest.mark.parametrize("size", [1, 2, 17, 64])

@@ -12,8 +12,8 @@ from lichen.catalogue import operation
 from lichen.opencl.device import default_device
 from lichen.operation import Border, Facts
 from lichen.operations.convolution.borders import OUTSIDE, continued
-from lichen.operations.convolution.boxes import boxes, boxes_distance
-from lichen.operations.convolution.recursive import recursive_numpy, recursive_opencl
+from lichen.operations.convolution.boxes import boxes, boxes_distance, boxes_numpy, boxes_opencl
+from lichen.operations.convolution.recursive import ITEMS, LANES, recursive_numpy, recursive_opencl
 from lichen.operations.convolution.recursive_filters import (
     Filter,
     deriche,
@@ -90,6 +90,18 @@ def test_edges_are_as_right_as_the_middle(border: Border, sigma: float) -> None:
             expected = np.moveaxis(signal.fftconvolve(around, whole, "valid", axes=0), 0, axis)
         np.testing.assert_allclose(recursive_numpy(pixels, down, across, border, 0.4), expected, atol=3e-6)
         np.testing.assert_allclose(recursive_opencl(device, pixels, down, across, border, 0.4), expected, atol=3e-6)
+
+
+@pytest.mark.parametrize("shape", [(3, LANES * ITEMS + 37, 2), (2 * LANES * ITEMS + 5, 4, 3)])
+def test_items_take_lines_after_lines_where_there_are_more_of_them(shape: tuple[int, int, int]) -> None:
+    device = default_device()
+    assert device is not None
+    pixels = np.random.default_rng(6).random(shape, dtype=np.float32)
+    filters, made = (deriche(3.0, 4), vliet_young(2.0, 3)), (boxes(3.0, extended=True), boxes(2.0, extended=False))
+    expected = recursive_numpy(pixels, *filters, Border.REFLECT, 0.0)
+    np.testing.assert_allclose(recursive_opencl(device, pixels, *filters, Border.REFLECT, 0.0), expected, atol=3e-6)
+    expected = boxes_numpy(pixels, *made, Border.CONSTANT, 0.4)
+    np.testing.assert_allclose(boxes_opencl(device, pixels, *made, Border.CONSTANT, 0.4), expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("sigma", [0.3, 1.0, 2.0, 7.7, 50.0])
