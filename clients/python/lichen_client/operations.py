@@ -947,6 +947,7 @@ class Operations(Generic[R]):
         image: ImageLike,
         /,
         *,
+        valid: ImageLike = None,
         mask: Literal["sobel", "scharr", "prewitt", "central", "gaussian"] | None = None,
         sigma: float | None = None,
         output: Literal["x", "y", "along", "l2", "l1", "direction"] | None = None,
@@ -954,11 +955,13 @@ class Operations(Generic[R]):
         scale: float | None = None,
         border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
         value: float | None = None,
+        missing: Literal["spread", "skip", "inside"] | None = None,
         **options: Unpack[Options],
     ) -> R:
         """Slope of an image along an axis or angle, or magnitude and direction of its gradient.
 
         image: a picture or data, any number of channels
+        valid: which pixels take part, one channel: those where it is not 0
         mask: how the difference is smoothed across; default "sobel"
         sigma: standard deviation of the mask gaussian; at least 0.3, at most 10; px; default 1.0
         output: what is made of the two slopes; default "l2"
@@ -966,11 +969,13 @@ class Operations(Generic[R]):
         scale: factor on the slopes; no part in a direction; at least -1000000, at most 1000000; default 1.0
         border: how the image continues beyond its edges; default "reflect"
         value: what lies beyond a constant border; default 0.0
+        missing: what becomes of samples that are NaN or infinite; default "spread"
         method: direct
         """
         return self.run(
             "derivative",
             image,
+            valid=valid,
             mask=mask,
             sigma=sigma,
             output=output,
@@ -978,6 +983,7 @@ class Operations(Generic[R]):
             scale=scale,
             border=border,
             value=value,
+            missing=missing,
             **options,
         )
 
@@ -998,7 +1004,7 @@ class Operations(Generic[R]):
         formula: the distance; default "ciede2000"
         source: what the numbers of both are, where they do not say it themselves: linear light, or L*a*b*; default
             "linear_bt709"
-        method: exact
+        method: exact, single
         """
         return self.run("difference", image, reference=reference, formula=formula, source=source, **options)
 
@@ -2135,20 +2141,24 @@ class Operations(Generic[R]):
         image: ImageLike,
         /,
         *,
+        mask: ImageLike = None,
         size: Literal[1, 3, 5, 7, 9, 11, 13, 15] | None = None,
         border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
         value: float | None = None,
+        missing: Literal["spread", "skip", "inside"] | None = None,
         **options: Unpack[Options],
     ) -> R:
         """Middle value of a square window: removes outliers and keeps edges.
 
         image: a picture or data
+        mask: which pixels take part, one channel: those where it is not 0
         size: rows and columns of the window, odd; px; default 3
         border: how the image continues beyond its edges; default "reflect"
         value: what lies beyond a constant border; default 0.0
+        missing: what becomes of samples that are NaN or infinite; default "spread"
         method: network, bisect
         """
-        return self.run("median", image, size=size, border=border, value=value, **options)
+        return self.run("median", image, mask=mask, size=size, border=border, value=value, missing=missing, **options)
 
     def mesh(
         self,
@@ -2240,34 +2250,40 @@ class Operations(Generic[R]):
         image: ImageLike,
         /,
         *,
+        mask: ImageLike = None,
         step: Literal["erode", "dilate", "open", "close", "gradient", "tophat", "blackhat"] | None = None,
         width: int | None = None,
         height: int | None = None,
         anchor: Numbers | None = None,
         border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
         value: float | None = None,
+        missing: Literal["spread", "skip", "inside"] | None = None,
         **options: Unpack[Options],
     ) -> R:
         """Erosion and dilation by a rectangle, opening, closing, gradient and hats.
 
         image: a picture or data, any number of channels
+        mask: which pixels take part, one channel: those where it is not 0
         step: what is computed; default "dilate"
         width: columns of the rectangle; at least 1, at most 4095; px; default 3
         height: rows of the rectangle; at least 1, at most 4095; px; default 3
         anchor: column and row of the rectangle that lies over the output pixel; its middle if left out
         border: how the image continues beyond its edges; default "reflect"
         value: what lies beyond a constant border; default 0.0
+        missing: what becomes of samples that are NaN or infinite; default "spread"
         method: blocks
         """
         return self.run(
             "morphology",
             image,
+            mask=mask,
             step=step,
             width=width,
             height=height,
             anchor=anchor,
             border=border,
             value=value,
+            missing=missing,
             **options,
         )
 
@@ -3332,33 +3348,39 @@ class Operations(Generic[R]):
         image: ImageLike,
         /,
         *,
+        mask: ImageLike = None,
         sigma: float | None = None,
         amount: float | None = None,
         threshold: float | None = None,
         border: Literal["reflect", "reflect101", "clamp", "wrap", "constant"] | None = None,
         value: float | None = None,
+        missing: Literal["spread", "skip", "inside"] | None = None,
         tail: float | None = None,
         **options: Unpack[Options],
     ) -> R:
         """Unsharp mask: adds the detail that a Gaussian blur takes away, above a threshold.
 
         image: a picture or data, any number of channels
+        mask: weights of the pixels in [0, 1], one channel; 0 takes no part
         sigma: standard deviation of the blur that detail is told by; at least 0, at most 100000; px; default 2.0
         amount: how much of the detail is added; at least -1, at most 100; default 1.0
         threshold: detail up to this is left alone; at least 0, at most 1000000; default 0.0
         border: how the image continues beyond its edges; default "reflect"
         value: what lies beyond a constant border; default 0.0
+        missing: what becomes of samples that are NaN or infinite; default "spread"
         tail: weight of the modes that are dropped; 1e-09 to 0.5; a knob
         method: fir, dct
         """
         return self.run(
             "sharpen",
             image,
+            mask=mask,
             sigma=sigma,
             amount=amount,
             threshold=threshold,
             border=border,
             value=value,
+            missing=missing,
             tail=tail,
             **options,
         )

@@ -1,8 +1,9 @@
-// Colour differences in double precision, sixteen pixels for each work-item; difference.py says what they are.
+// Colour differences, sixteen pixels for each work-item, in doubles or in floats; difference.py says what they are.
 //
 // Definitions given at build time:
 //   FORMULA   76 | 94 | 2000
 //   LAB       1 where the pictures hold L*a*b*, 0 where they hold linear light
+//   SINGLE    1 for float32, and doubles only for pixels in doubt
 //   FIRST, SECOND   channels of the two pictures
 //
 // CIEDE2000 without angles: of two hues as unit vectors half the distance is the sine of half the angle between them, the
@@ -218,6 +219,112 @@ DIFFERENCE_FN double8 distance_of(labs first, labs second)
 }
 #endif
 
+DIFFERENCE_FN float8 exact(const float8 *p, const float8 *q, global const double *m)
+{
+    return convert_float8(distance_of(lab(p[0], p[1], p[2], m), lab(q[0], q[1], q[2], m)));
+}
+
+#if SINGLE
+// ---------------------------------------------------------------------------------------------------- the same in floats
+
+typedef struct {
+    float8 l, a, b;
+} singles;
+
+DIFFERENCE_FN float8 lightness_single(float8 t)
+{
+    return t > (float)(BEND * BEND * BEND) ? num_cbrt(t) : t * (float)(1.0 / (3.0 * BEND * BEND)) + (float)(4.0 / 29.0);
+}
+
+DIFFERENCE_FN singles lab_single(const float8 *p, global const double *m)
+{
+    singles made;
+#if LAB
+    made.l = p[0];
+    made.a = p[1];
+    made.b = p[2];
+#else
+    float8 x = lightness_single((float)m[0] * p[0] + (float)m[1] * p[1] + (float)m[2] * p[2]);
+    float8 y = lightness_single((float)m[3] * p[0] + (float)m[4] * p[1] + (float)m[5] * p[2]);
+    float8 z = lightness_single((float)m[6] * p[0] + (float)m[7] * p[1] + (float)m[8] * p[2]);
+    made.l = 116.0f * y - 16.0f;
+    made.a = 500.0f * (x - y);
+    made.b = 200.0f * (y - z);
+#endif
+    return made;
+}
+
+DIFFERENCE_FN float8 norm_single(float8 a, float8 b) { return sqrt(a * a + b * b); }
+
+DIFFERENCE_FN float8 share_single(float8 chroma)
+{
+    float8 r = 25.0f / chroma, square = r * r;
+    return 1.0f / sqrt(1.0f + square * square * square * r);
+}
+
+// In doubt are hues that may be opposite the other way round, for what a* and b* are wrong by, UNSURE of the lightness and
+// the chroma, unless both are as good as grey; a turn of the blue region, which counts by the root of the lesser chroma,
+// where that is little beside the other; and what lies so FAR apart that what a weight is wrong by counts.
+#define UNSURE 4e-6f
+#define GREY 1e-4f
+#define UNLIKE 16.0f
+#define FAR 200.0f
+
+DIFFERENCE_FN float8 single(const float8 *p, const float8 *q, global const double *m, int8 *doubt)
+{
+    singles first = lab_single(p, m), second = lab_single(q, m);
+    *doubt = (int8)(0);
+#if FORMULA == 76
+    float8 l = first.l - second.l, a = first.a - second.a, b = first.b - second.b;
+    return sqrt(l * l + a * a + b * b);
+#elif FORMULA == 94
+    float8 c1 = norm_single(first.a, first.b), c2 = norm_single(second.a, second.b);
+    float8 l = first.l - second.l, a = first.a - second.a, b = first.b - second.b;
+    // The difference of the chromas without what cancels in it.
+    float8 sum = c1 + c2, chroma = (a * (first.a + second.a) + b * (first.b + second.b)) / (sum > 0.0f ? sum : 1.0f);
+    float8 hue = num_max(a * a + b * b - chroma * chroma, (float8)(0.0f));
+    float8 by_chroma = chroma / (1.0f + 0.045f * c2), weight = 1.0f + 0.015f * c2;
+    float8 made = sqrt(l * l + by_chroma * by_chroma + hue / (weight * weight));
+    *doubt = made > FAR;
+    return made;
+#else
+    float8 stretch = 1.5f - 0.5f * share_single((norm_single(first.a, first.b) + norm_single(second.a, second.b)) * 0.5f);
+    float8 a1 = first.a * stretch, a2 = second.a * stretch, b1 = first.b, b2 = second.b;
+    float8 c1 = norm_single(a1, b1), c2 = norm_single(a2, b2), sum = c1 + c2, chroma = sum * 0.5f;
+    float8 l = (first.l + second.l) * 0.5f, off = (l - 50.0f) * (l - 50.0f);
+    float8 dl = (second.l - first.l) / (1.0f + 0.015f * off / sqrt(20.0f + off));
+    float8 along = (a2 - a1) * (a1 + a2) + (b2 - b1) * (b1 + b2);
+    float8 dc = along / (sum > 0.0f ? sum : 1.0f) / (1.0f + 0.045f * chroma);
+
+    float8 by1 = 1.0f / (c1 == 0.0f ? (float8)(1.0f) : c1), by2 = 1.0f / (c2 == 0.0f ? (float8)(1.0f) : c2);
+    float8 x1 = a1 * by1, y1 = b1 * by1, x2 = a2 * by2, y2 = b2 * by2, x = x2 - x1, y = y2 - y1;
+    float8 cross = x1 * y2 - y1 * x2, apart = norm_single(x, y);
+    int8 obtuse = x1 * x2 + y1 * y2 < 0.0f, back = cross < 0.0f;
+    float8 u = obtuse ? (back ? -y : y) : x1 + x2, v = obtuse ? (back ? x : -x) : y1 + y2, size = norm_single(u, v);
+    size = 1.0f / (size == 0.0f ? (float8)(1.0f) : size);
+    u *= size;
+    v *= size;
+
+    float8 square = u * u, u2 = 2.0f * square - 1.0f, v2 = 2.0f * u * v, u4 = 2.0f * u2 * u2 - 1.0f, v4 = 2.0f * u2 * v2;
+    float8 u3 = u * (4.0f * square - 3.0f), v3 = v * (4.0f * square - 1.0f);
+    float8 t = 1.0f - 0.17f * (u * 0.8660254f + v * 0.5f) + 0.24f * u2 + 0.32f * (u3 * 0.9945219f - v3 * 0.10452846f)
+             - 0.20f * (u4 * 0.4539905f + v4 * 0.8910065f);
+
+    float8 sine_of = u * 0.9961947f + v * 0.08715574f, cosine_of = u * 0.08715574f - v * 0.9961947f;
+    float8 angle = num_atan2(sine_of, cosine_of) * (float)(1.0 / (25.0 * DEGREE));
+    float8 blue = ((v >= 0.0f) & (sine_of > 0.0f)) | (cosine_of < -0.5f) ? (float8)(0.0f) : num_exp(-angle * angle);
+    float8 twist = -2.0f * share_single(chroma) * num_sin((float)(60.0 * DEGREE) * blue);
+
+    float8 dh = sqrt(c1) * sqrt(c2) * (back ? -apart : apart) / (1.0f + 0.015f * chroma * t);
+    float8 made = sqrt(num_max(dl * dl + dc * dc + dh * dh + twist * dc * dh, (float8)(0.0f)));
+    float8 wrong = UNSURE * (1.0f + (fabs(l) + 16.0f + chroma) * (by1 + by2));
+    *doubt = obtuse & (fabs(cross) < wrong) & (sqrt(c1) * sqrt(c2) > GREY);
+    *doubt |= (twist * twist * (c1 * c1 + c2 * c2) > UNLIKE * c1 * c2) | (made > FAR);
+    return made;
+#endif
+}
+#endif
+
 kernel void difference(global const float *restrict image, global const float *restrict reference,
                        global float *restrict out, global const double *restrict m, int pixels)
 {
@@ -228,8 +335,23 @@ kernel void difference(global const float *restrict image, global const float *r
     float16 p[4], q[4];
     planes_load(image + (size_t)first * FIRST, FIRST, 3, count, p);
     planes_load(reference + (size_t)first * SECOND, SECOND, 3, count, q);
-    double8 low = distance_of(lab(p[0].lo, p[1].lo, p[2].lo, m), lab(q[0].lo, q[1].lo, q[2].lo, m));
-    double8 high = distance_of(lab(p[0].hi, p[1].hi, p[2].hi, m), lab(q[0].hi, q[1].hi, q[2].hi, m));
-    float16 made = (float16)(convert_float8(low), convert_float8(high));
+    float8 p_low[3], p_high[3], q_low[3], q_high[3];
+    #pragma unroll
+    for (int c = 0; c < 3; c++) {
+        p_low[c] = p[c].lo, p_high[c] = p[c].hi;
+        q_low[c] = q[c].lo, q_high[c] = q[c].hi;
+    }
+#if SINGLE
+    int8 doubt_low, doubt_high;
+    float8 low = single(p_low, q_low, m, &doubt_low), high = single(p_high, q_high, m, &doubt_high);
+    // What is not finite may only have left the range of floats.
+    if (mask_any(doubt_low | !(low < INFINITY)))
+        low = exact(p_low, q_low, m);
+    if (mask_any(doubt_high | !(high < INFINITY)))
+        high = exact(p_high, q_high, m);
+    float16 made = (float16)(low, high);
+#else
+    float16 made = (float16)(exact(p_low, q_low, m), exact(p_high, q_high, m));
+#endif
     planes_stream(&made, out + first, 1, count, pixels);
 }

@@ -14,11 +14,18 @@ not quite what a mask with its rim turned gives (`convolve` has those by name); 
 computed without overflow; `l1`, |x| + |y|, up to sqrt(2) more; `direction`, atan2(y, x) in degrees within (-180, 180],
 0 where there is no slope.
 
+All of these are slopes of the plane that fits the samples under the mask best, in least squares weighted by s along
+both axes (for central, by 1 on a cross). Where pixels are left out (`valid`, `missing`), they are the slopes of the
+plane that fits the others best: what is left of a ramp has the slope of the whole. Where the others lie on a line there
+are none. With nine samples under a mask there are 512 fits, all known beforehand. A Gaussian's mask would have too many
+and leaves nothing out; blur first, by `gaussian`, and take the slopes of that.
+
 A direction turns round where the slope vanishes, so no error can be promised for it there: it is stated as half a turn,
 and a small change of a picture is said to change it by as much.
 
-Colours are differentiated, coverage is kept. Source: McReynolds and Blythe (1998), 12.3.5; Scharr, Optimale Operatoren
-in der digitalen Bildverarbeitung, Heidelberg (2000).
+Colours are differentiated, coverage is kept. Sources: McReynolds and Blythe (1998), 12.3.5; Scharr, Optimale Operatoren
+in der digitalen Bildverarbeitung, Heidelberg (2000); Knutsson and Westin, Normalized and differential convolution, CVPR
+1993; Haralick and Watson, A facet model for image data, Computer Graphics and Image Processing 15 (1981).
 """
 
 from __future__ import annotations
@@ -27,13 +34,14 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from enum import StrEnum
-from functools import lru_cache
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import Field
 
-from lichen.image import Alpha, Extent, Image, Space
+from lichen.errors import Flaw
+from lichen.image import Alpha, Extent, Space
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import (
@@ -52,25 +60,26 @@ from lichen.operation import (
     Pixels,
     Rate,
 )
-from lichen.operations.convolution.gaussian_weights import fir_radius, half_kernel
+from lichen.operations.convolution.missing import (
+    WHICH,
+    Missing,
+    Undefined,
+    check_mask,
+    chooses,
+    chosen,
+    extent_chosen,
+    leaves_out,
+)
+from lichen.operations.convolution.slopes import Mask, fits, fitted, masks, under
 from lichen.operations.convolution.stencil import (
     Stencil,
+    apart,
     correlate,
     correlated,
     kept_coverage,
     reach_of_values,
     sum_of_taps,
 )
-
-
-class Mask(StrEnum):
-    """How the difference is smoothed across."""
-
-    SOBEL = "sobel"
-    SCHARR = "scharr"
-    PREWITT = "prewitt"
-    CENTRAL = "central"
-    GAUSSIAN = "gaussian"
 
 
 class Output(StrEnum):
@@ -92,25 +101,11 @@ class Parameters(OperationParameters):
     scale: float = Field(1.0, ge=-1e6, le=1e6, description="factor on the slopes; no part in a direction")
     border: Border = Field(Border.REFLECT, description="how the image continues beyond its edges")
     value: float = Field(0.0, description="what lies beyond a constant border")
+    missing: Missing = Field(Missing.SPREAD, description="what becomes of samples that are NaN or infinite")
 
 
-_ACROSS = {Mask.SOBEL: (1, 2, 1), Mask.SCHARR: (3, 10, 3), Mask.PREWITT: (1, 1, 1), Mask.CENTRAL: (0, 1, 0)}
-
-
-@lru_cache(maxsize=64)
-def masks(mask: Mask, sigma: float) -> tuple[Stencil, Stencil]:
-    """The correlation masks of the slopes along x and along y, per pixel."""
-    if mask is Mask.GAUSSIAN:
-        half = half_kernel(sigma)[: fir_radius(sigma, 1e-8)[0] + 1]
-        across = np.concatenate([half[:0:-1], half])
-        at = np.arange(len(across)) - len(half) + 1
-        slope = at * across
-        slope, across = slope / (slope @ at), across / across.sum()
-    else:
-        across = np.array(_ACROSS[mask], np.float64) / sum(_ACROSS[mask])
-        slope = np.array([-0.5, 0.0, 0.5])
-    taps, middle = np.outer(across, slope), len(slope) // 2
-    return Stencil(taps, middle, middle), Stencil(taps.T, middle, middle)
+VALID = dataclasses.replace(WHICH, name="valid")
+"""`mask` is a parameter here."""
 
 
 def slopes(p: Parameters) -> tuple[Stencil, ...]:
@@ -128,6 +123,33 @@ def slopes(p: Parameters) -> tuple[Stencil, ...]:
     else:
         made = [x.taps, y.taps]
     return tuple(Stencil(scale * taps, x.top, x.left) for taps in made)
+
+
+def fitted_slopes(p: Parameters) -> tuple[Array, ...]:
+    """The fits that the output needs, scaled, each (512, 9)."""
+    x, y = fits(p.mask)
+    if p.output in (Output.X, Output.Y):
+        return (p.scale * (x if p.output is Output.X else y),)
+    if p.output is Output.ALONG:
+        angle = math.radians(p.angle)
+        return (p.scale * (math.cos(angle) * x + math.sin(angle) * y),)
+    scale = 1.0 if p.output is Output.DIRECTION else p.scale
+    return scale * x, scale * y
+
+
+Given = TypeVar("Given")
+
+
+def _named(inputs: Mapping[str, Given]) -> dict[str, Given]:
+    """The inputs with the pixels that take part called as elsewhere."""
+    return {"mask" if name == VALID.name else name: each for name, each in inputs.items()}
+
+
+def _gains(p: Parameters, facts: InputFacts) -> list[float]:
+    """The largest l1 norm of the taps of each slope."""
+    if chooses(p.missing, _named(facts)):
+        return [float(np.nanmax(np.abs(taps).sum(axis=1))) for taps in fitted_slopes(p)]
+    return [mask.weight for mask in slopes(p)]
 
 
 def combined(output: Output, x: Array, y: Array) -> Array:
@@ -148,7 +170,10 @@ def _bounds(p: Parameters, facts: InputFacts) -> tuple[float, float]:
     if p.output is Output.DIRECTION:
         return -180.0, 180.0
     low, high = reach_of_values(facts["image"], p.border, p.value)
-    reached = [mask.range(low, high) for mask in slopes(p)]
+    if chooses(p.missing, _named(facts)):  # taps that sum to 0
+        reached = [(-most, most) for gain in _gains(p, facts) for most in (gain * (high - low) / 2 * (1 + 1e-12),)]
+    else:
+        reached = [mask.range(low, high) for mask in slopes(p)]
     if len(reached) == 1:
         return reached[0]
     largest = [max(abs(a), abs(b)) for a, b in reached]
@@ -160,7 +185,8 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     low, high = _bounds(p, facts)
     if image.alpha is not Alpha.NONE:
         low, high = min(low, image.extent.low), max(high, image.extent.high)
-    made = dataclasses.replace(image, extent=Extent(low, high, image.extent.nonfinite))
+    extent = extent_chosen(p.missing, _named(facts), Extent(low, high, image.extent.nonfinite))
+    made = dataclasses.replace(image, extent=extent)
     return dataclasses.replace(made, space=Space.DATA) if p.output is Output.DIRECTION else made
 
 
@@ -169,6 +195,8 @@ def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
         return Error(360.0, "bound", 360.0, 1e-4)
     low, high = reach_of_values(facts["image"], p.border, p.value)
     each = [mask.rounding(max(abs(low), abs(high))) for mask in slopes(p)]
+    if chooses(p.missing, _named(facts)):
+        each = [1.01 * 12 * ROUNDING * gain * max(abs(low), abs(high)) for gain in _gains(p, facts)]
     # A magnitude changes by no more than its slopes do together; then the root or the sum is rounded.
     last = 4 * ROUNDING * max(abs(bound) for bound in _bounds(p, facts)) if len(each) > 1 else 0.0
     rounding = sum(each) + last
@@ -178,9 +206,15 @@ def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
     if p.output is Output.DIRECTION:
         return 360.0
-    gains = [mask.weight for mask in slopes(p)]
+    gains = _gains(p, facts)
     gain = math.hypot(*gains) if p.output is Output.L2 else sum(gains)
     return max(gain, 0.0 if facts["image"].alpha is Alpha.NONE else 1.0) * error
+
+
+def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
+    if p.mask is not Mask.GAUSSIAN or not leaves_out(p.missing, _named(facts)):
+        return check_mask(facts, VALID.name)
+    return [Flaw("/parameters/mask", "of a Gaussian leaves no pixels out; blur first, and take the slopes of that")]
 
 
 def _ramp() -> dict[str, Array]:
@@ -204,14 +238,29 @@ def _huge() -> dict[str, Array]:
     return {"image": np.where(np.arange(12) < 6, 0, 1e30).astype(np.float32)[None, :, None].repeat(5, 0)}
 
 
+def _torn_ramp() -> dict[str, Array]:
+    ramp = _ramp()["image"]
+    torn = np.random.default_rng(5).random(ramp.shape) < 0.3
+    return {"image": np.where(torn, np.float32(np.nan), ramp)}
+
+
+def _whole_slope(inputs: Mapping[str, Any], pixels: Array) -> str | None:
+    known = pixels[np.isfinite(pixels)]
+    if known.size < pixels.size / 2:
+        return "most slopes are undefined"
+    apart = float(np.abs(known - 0.25).max())
+    return None if apart <= 1e-5 else f"off by {apart:.3g} from 0.25"
+
+
 derivative = Operation(
     name="derivative",
     family="convolution",
     summary="Slope of an image along an axis or angle, or magnitude and direction of its gradient.",
     parameters=Parameters,
-    inputs=(Input("image", "a picture or data, any number of channels"),),
+    inputs=(Input("image", "a picture or data, any number of channels"), VALID),
     light=Light.LINEAR,
     wants_alpha=Alpha.ASSOCIATED,
+    check=_check,
     footprint=lambda p, facts: masks(p.mask, p.sigma)[0].footprint(p.border),
     result=_result,
     propagate=_propagate,
@@ -222,6 +271,7 @@ derivative = Operation(
         {"mask": "prewitt", "output": "along", "angle": 45, "scale": 3, "border": "constant", "value": 0.5},
         {"mask": "central", "output": "direction", "border": "clamp"},
         {"mask": "sobel", "output": "y", "scale": -8},
+        {"mask": "scharr", "missing": "inside"},
     ),
     hard_cases=(
         HardCase(
@@ -237,6 +287,13 @@ derivative = Operation(
             _ramp,
             {"mask": "gaussian", "sigma": 0.5, "output": "x"},
             _inside(0.25),
+        ),
+        HardCase(
+            "torn ramp",
+            "shares of weights that are positive and negative vanish; a quotient by them has no slope",
+            _torn_ramp,
+            {"output": "x", "missing": "inside"},
+            _whole_slope,
         ),
         HardCase(
             "no slope",
@@ -257,17 +314,41 @@ derivative = Operation(
 )
 
 
+Slope = Callable[[int, Array, Border, float, Undefined], Array]
+
+
+def _slopes(inputs: Inputs, p: Parameters, slope: Slope) -> list[Array]:
+    """The slopes that the output needs, given how one of them is made."""
+
+    def reach(bad: Array) -> Array:
+        return correlated(bad, Stencil(under(p.mask), 1, 1), p.border, 0.0)
+
+    return [
+        chosen(_named(inputs), p.missing, p.border, p.value, partial(slope, number), reach)
+        for number in range(len(slopes(p)))
+    ]
+
+
 @derivative.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
-    image = inputs["image"]
-    made = [sum_of_taps(image.pixels, mask, p.border, p.value) for mask in slopes(p)]
-    return kept_coverage(image, made[0] if len(made) == 1 else combined(p.output, *made))
+    def slope(number: int, pixels: Array, border: Border, value: float, undefined: Undefined) -> Array:
+        if undefined is Undefined.SKIP:
+            return fitted(pixels, fitted_slopes(p)[number], border, value)
+        return sum_of_taps(pixels, slopes(p)[number], border, value)
+
+    made = _slopes(inputs, p, slope)
+    return kept_coverage(inputs["image"], made[0] if len(made) == 1 else combined(p.output, *made))
+
+
+def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
+    left_out = 400.0 if chooses(p.missing, _named(facts)) else 0.0
+    return facts["image"].samples * sum(mask.count + 25.0 + left_out for mask in slopes(p))
 
 
 @derivative.method(
     "direct",
     error=_error,
-    work=lambda p, knob, facts: facts["image"].samples * sum(mask.count + 25.0 for mask in slopes(p)),
+    work=_work,
     rates={"opencl": Rate(5e-4, 2e-11), "numpy": Rate(2e-4, 1.2e-10)},
 )
 class Direct:
@@ -275,12 +356,19 @@ class Direct:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        image = inputs["image"]
-        made = [aligned_empty(image.pixels.shape) for _ in slopes(p)]
-        with device.session() as session:
-            for out, mask in zip(made, slopes(p), strict=True):
-                correlate(session, image.pixels, out, mask, p.border, p.value)
-            if len(made) == 2:
+        def slope(number: int, pixels: Array, border: Border, value: float, undefined: Undefined) -> Array:
+            out = aligned_empty(pixels.shape)
+            with device.session() as session:
+                if undefined is Undefined.SKIP:
+                    taps, mask = aligned(fitted_slopes(p)[number]), Stencil(np.ones((3, 3)), 1, 1)
+                    apart(session, "fitted", pixels, out, mask, border, value, taps)
+                else:
+                    correlate(session, pixels, out, slopes(p)[number], border, value)
+            return out
+
+        image, made = inputs["image"], _slopes(inputs, p, slope)
+        if len(made) == 2:
+            with device.session() as session:
                 session.launch(
                     "convolution/derivative.cl", p.output.value, (-(-image.pixels.size // 16),),
                     session.readwrite(made[0]), made[1], np.int32(image.pixels.size),
@@ -289,6 +377,10 @@ class Direct:
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        image: Image = inputs["image"]
-        made = [correlated(image.pixels, mask, p.border, p.value) for mask in slopes(p)]
-        return kept_coverage(image, aligned(made[0] if len(made) == 1 else combined(p.output, *made)))
+        def slope(number: int, pixels: Array, border: Border, value: float, undefined: Undefined) -> Array:
+            if undefined is Undefined.SKIP:
+                return fitted(pixels, fitted_slopes(p)[number], border, value)
+            return correlated(pixels, slopes(p)[number], border, value)
+
+        made = _slopes(inputs, p, slope)
+        return kept_coverage(inputs["image"], aligned(made[0] if len(made) == 1 else combined(p.output, *made)))

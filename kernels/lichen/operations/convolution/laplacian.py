@@ -9,7 +9,9 @@ Truth: correlation with a mask that gives x^2 + y^2 the value 4, negative on a b
                 derivative, corrected so that it sums to exactly 0 and gives x^2 exactly 2; both end where less than
                 1e-8 of the Gaussian's weight is left
 
-Colours are differentiated, coverage is kept.
+Colours are differentiated, coverage is kept. No pixels can be left out: weights that sum to 0 have no shares to hand
+on, and without a sample on either side nothing tells a curvature from a slope. A NaN gives NaN under the mask; where
+that is too much, blur first (`gaussian` has `mask` and `missing`).
 
 Sources: Marr and Hildreth, Theory of edge detection, Proc. Royal Society B 207 (1980); McReynolds and Blythe (1998),
 12.3.5, for the masks (whose signs are turned here); Collatz, The Numerical Treatment of Differential Equations (1960).

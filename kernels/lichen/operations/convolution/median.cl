@@ -9,12 +9,13 @@
 // bisect (any size): the median's 32 bits are found from the highest down, by counting how many samples of the window
 //   lie below. Floats are compared as integers in the same order.
 //
-// Where NANS is set, exchanges carry a NaN to both sides, so one in the window is the result.
+// Where NANS is 1, exchanges carry a NaN to both sides, so one in the window is the result. Where it is 2, bisect counts
+// what is left without them, and takes the lower of two middles.
 
 #include "numeric.clh"
 #include "staged.clh"
 
-#if NANS
+#if NANS == 1
 #define MIN(a, b) num_min(a, b)
 #define MAX(a, b) num_max(a, b)
 #else
@@ -170,27 +171,28 @@ __kernel void bisect(__global const float *restrict in, __global const int *rest
     if (x >= width || y >= height)
         return;
     float stage[STAGE] __attribute__((aligned(64)));
-    int rows = min(band, height - y), wide = min(tile, width - x), all = rows + size - 1, below = size * size / 2;
+    int rows = min(band, height - y), wide = min(tile, width - x), all = rows + size - 1;
     int reach = size / 2 * channels, first = 0, held = 0, whole = (width & 15) == 0;
     for (int j = 0; j < rows; j++) {
         STAGED(j, j + size);
         for (int i = 0; i < wide; i += 16) {
             const float *corner = stage + (j - first) * stride + i;
             int16 found = (int16)(INT_MIN), bad = (int16)(0);
+            for (int k = 0; k < size; k++)
+                for (int c = 0; c < size; c++) {
+                    float16 v = vload16(0, corner + k * stride + c * channels);
+                    bad -= v != v;
+                }
+            int16 others = NANS == 2 ? size * size - 1 - bad : (int16)(size * size - 1);
             for (int bit = 31; bit >= 0; bit--) {
                 // The largest number that no more than half of the others lie below, bit by bit.
                 int16 tried = found + (int16)((int)(1u << bit)), count = (int16)(0);
                 for (int k = 0; k < size; k++)
                     for (int c = 0; c < size; c++)
                         count -= ordered(as_int16(vload16(0, corner + k * stride + c * channels))) < tried;
-                found = count <= below ? tried : found;
+                found = count <= others / 2 ? tried : found;
             }
-            for (int k = 0; k < size; k++)
-                for (int c = 0; c < size; c++) {
-                    float16 v = vload16(0, corner + k * stride + c * channels);
-                    bad |= v != v;
-                }
-            float16 middle = bad ? (float16)(NAN) : as_float16(ordered(found));
+            float16 middle = (NANS == 2 ? others < 0 : bad > 0) ? (float16)(NAN) : as_float16(ordered(found));
             put(out + (size_t)(y + j) * width + x + i, middle, wide - i, whole);
         }
     }

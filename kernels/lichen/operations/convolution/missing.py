@@ -1,4 +1,6 @@
-"""Means in which some pixels take no part: what the linear filters share for masks and undefined samples.
+"""Filters in which some pixels take no part: what they share for masks and undefined samples.
+
+Means give the others their weight.
 
 With w >= 0 the weights of a filter that sum to 1, and m those of the pixels,
 
@@ -14,6 +16,9 @@ roundings of the plain filter. That takes weights that are not negative, and one
 method, since a pixel is defined or not by whether the kernel's end reaches a sample. Methods that only come near to
 their kernel are therefore out of the question here.
 
+Filters that choose among samples, or fit something to them, have no weights to hand on. They receive NaN for what takes
+no part and pass it by (`chosen`); a mask says of them whether a pixel takes part, not how much of it.
+
 Sources: Knutsson and Westin, Normalized and differential convolution, CVPR 1993.
 """
 
@@ -21,13 +26,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 
 import numpy as np
 
 from lichen.errors import Flaw
 from lichen.image import Extent
-from lichen.memory import Array, aligned_empty
+from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import ROUNDING, Border, Error, Facts, Input, InputFacts, Inputs
 
@@ -35,6 +40,9 @@ LEAST = 2.0**-20
 """A mask's values below this count as 0."""
 MASK = Input(
     "mask", "weights of the pixels in [0, 1], one channel; 0 takes no part", (1, 1), required=False, picture=False
+)
+WHICH = Input(
+    "mask", "which pixels take part, one channel: those where it is not 0", (1, 1), required=False, picture=False
 )
 SEGMENT = 64
 
@@ -59,16 +67,22 @@ def leaves_out(missing: Missing, inputs: Mapping[str, object]) -> bool:
     return missing is not Missing.SPREAD or "mask" in inputs
 
 
-def check_mask(facts: InputFacts) -> list[Flaw]:
-    if "mask" not in facts:
+def chooses(missing: Missing, inputs: InputFacts | Inputs) -> bool:
+    """Whether a filter that chooses among samples has any to pass by."""
+    skipped = missing is Missing.SKIP and inputs["image"].extent.nonfinite > 0
+    return skipped or missing is Missing.INSIDE or "mask" in inputs
+
+
+def check_mask(facts: InputFacts, name: str = "mask") -> list[Flaw]:
+    if name not in facts:
         return []
-    image, mask = facts["image"], facts["mask"]
+    image, mask = facts["image"], facts[name]
     flaws = []
     if (mask.height, mask.width) != (image.height, image.width):
         sizes = f"is {mask.width} x {mask.height}, the image {image.width} x {image.height}"
-        flaws.append(Flaw("/inputs/mask", sizes))
+        flaws.append(Flaw(f"/inputs/{name}", sizes))
     if mask.extent.nonfinite or mask.extent.low < 0 or mask.extent.high > 1:
-        flaws.append(Flaw("/inputs/mask", "has values outside [0, 1]"))
+        flaws.append(Flaw(f"/inputs/{name}", "has values outside [0, 1]"))
     return flaws
 
 
@@ -77,6 +91,12 @@ def extent_without(facts: InputFacts, extent: Extent) -> Extent:
     if "mask" in facts and facts["mask"].extent.low < LEAST:
         return Extent(extent.low, extent.high, max(extent.nonfinite, 1))
     return extent
+
+
+def extent_chosen(missing: Missing, facts: InputFacts, extent: Extent) -> Extent:
+    """What `extent` becomes where samples are passed by: nothing, where none is left."""
+    left = max(extent.nonfinite, 1) if chooses(missing, facts) else extent.nonfinite
+    return Extent(extent.low, extent.high, left)
 
 
 def renormalised_error(plain: float, magnitude: float) -> Error:
@@ -140,3 +160,48 @@ def renormalised_opencl(
             session.readwrite(sums), shares, np.int32(height * width), np.int32(channels), each, np.float32(1 / scale),
         )  # fmt: skip
     return sums
+
+
+class Undefined(IntEnum):
+    """What a filter that chooses among samples makes of NaN."""
+
+    NONE = 0
+    """there is none"""
+    SPREAD = 1
+    """a window that holds one gives NaN"""
+    SKIP = 2
+    """it takes no part; a window of nothing else gives NaN"""
+
+
+Choice = Callable[[Array, Border, float, Undefined], Array]
+"""A filter, given an array, a border, the constant beyond it, and what it makes of NaN."""
+Reach = Callable[[Array], Array]
+"""Given an array that is 1 somewhere and else 0: one of its shape, above 0 where the filter reaches a 1."""
+
+
+def chosen(
+    inputs: Inputs,
+    missing: Missing,
+    border: Border,
+    value: float,
+    choose: Choice,
+    reach: Reach,
+    made: Array | None = None,
+) -> Array:
+    """What a filter chooses among the samples that take part, of the image or of what was `made` of it before."""
+    image = inputs["image"]
+    pixels = image.pixels if made is None else made
+    if not chooses(missing, inputs):
+        return choose(pixels, border, value, Undefined(image.extent.nonfinite > 0))
+    kept = np.ones((*pixels.shape[:2], 1), bool)
+    if "mask" in inputs:
+        kept = inputs["mask"].pixels >= LEAST
+    if missing is not Missing.SPREAD:
+        kept = kept & np.isfinite(image.pixels)
+    around = (Border.CONSTANT, math.nan) if missing is Missing.INSIDE else (border, value)
+    left = np.where(kept, pixels, pixels.dtype.type(math.nan))
+    out = choose(aligned(left, pixels.dtype), *around, Undefined.SKIP)
+    spreading = np.isnan(pixels) & kept
+    if spreading.any():  # undefined, and not left out
+        out[reach(aligned(spreading, pixels.dtype)) > 0] = math.nan
+    return out

@@ -7,8 +7,11 @@ continued by `border` before every step,
     dilate  the largest within W turned by 180 degrees  close      erode(dilate(image))
     gradient  dilate - erode          tophat  image - open          blackhat  close - image
 
-A window that holds a NaN gives NaN. The numbers are taken as they are stored: smallest and largest go through any
-rising function, and the three differences are differences of what is stored. Of these, coverage is kept.
+A window that holds a NaN gives NaN. Where pixels are left out (`mask`, `missing`), smallest and largest are those of
+the others, and every step leaves out the same, so that an opening still lies nowhere above the image and a closing
+nowhere below; a window with none of the others has no value. The numbers are taken as they are stored: smallest and
+largest go through any rising function, and the three differences are differences of what is stored. Of these, coverage
+is kept.
 
 The one method is exact but for the difference: windows are joined from the end of one block and the beginning of the
 next, three comparisons an axis whatever the size (see `windows`).
@@ -21,6 +24,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,8 +50,17 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.convolution.box import MOST, check_anchor
+from lichen.operations.convolution.missing import (
+    WHICH,
+    Missing,
+    Undefined,
+    check_mask,
+    chooses,
+    chosen,
+    extent_chosen,
+)
 from lichen.operations.convolution.stencil import kept_coverage, reach_of_values
-from lichen.operations.convolution.windows import Combine, Window, windows_numpy, windows_opencl, windows_plain
+from lichen.operations.convolution.windows import Combine, Window, reached, windows_numpy, windows_opencl, windows_plain
 
 
 class Step(StrEnum):
@@ -75,6 +88,7 @@ class Parameters(OperationParameters):
     )
     border: Border = Field(Border.REFLECT, description="how the image continues beyond its edges")
     value: float = Field(0.0, description="what lies beyond a constant border")
+    missing: Missing = Field(Missing.SPREAD, description="what becomes of samples that are NaN or infinite")
 
     @property
     def beyond(self) -> float:
@@ -86,7 +100,7 @@ class Parameters(OperationParameters):
         return Window.of(self.width, self.height, self.anchor)
 
 
-Windows = Callable[[Array, Window, Combine], Array]
+Windows = Callable[[Array, Window, Combine, Border, float, Undefined], Array]
 
 
 def _computed(inputs: Inputs, p: Parameters, windows: Windows) -> Array:
@@ -94,11 +108,18 @@ def _computed(inputs: Inputs, p: Parameters, windows: Windows) -> Array:
     image = inputs["image"]
     pixels = image.pixels
 
+    def step(pixels: Array, window: Window, combine: Combine) -> Array:
+        return chosen(
+            inputs, p.missing, p.border, p.beyond,
+            lambda pixels, border, value, undefined: windows(pixels, window, combine, border, value, undefined),
+            lambda bad: reached(bad, window, p.border), pixels,
+        )  # fmt: skip
+
     def erode(pixels: Array) -> Array:
-        return windows(pixels, p.window, Combine.SMALLEST)
+        return step(pixels, p.window, Combine.SMALLEST)
 
     def dilate(pixels: Array) -> Array:
-        return windows(pixels, p.window.turned, Combine.LARGEST)
+        return step(pixels, p.window.turned, Combine.LARGEST)
 
     match p.step:
         case Step.ERODE:
@@ -132,7 +153,8 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
         low, high = (0.0 if p.step is Step.GRADIENT else low - high), high - low
         if image.alpha is not Alpha.NONE:
             low, high = min(low, image.extent.low), max(high, image.extent.high)
-    return dataclasses.replace(image, extent=Extent(low, high, image.extent.nonfinite))
+    extent = Extent(low, high, image.extent.nonfinite)
+    return dataclasses.replace(image, extent=extent_chosen(p.missing, facts, extent))
 
 
 def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
@@ -154,7 +176,7 @@ def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
 
 
 def _identity(p: Parameters, facts: InputFacts) -> str | None:
-    single = p.width == p.height == 1 and p.step not in DIFFERENCES
+    single = p.width == p.height == 1 and p.step not in DIFFERENCES and not chooses(p.missing, facts)
     return "the window is one pixel" if single else None
 
 
@@ -180,18 +202,29 @@ def _nan_in_15(inputs: Mapping[str, Any], pixels: Array) -> str | None:
     return None if spoilt == 15 else f"{spoilt} pixels are NaN, not 15"
 
 
+def _torn_noise() -> dict[str, Array]:
+    noise = _noise()["image"]
+    return {"image": np.where(np.random.default_rng(5).random(noise.shape) < 0.4, np.float32(np.nan), noise)}
+
+
+def _not_above_what_is_left(inputs: Mapping[str, Any], pixels: Array) -> str | None:
+    left = ~np.isnan(inputs["image"])
+    above = not (pixels[left] <= inputs["image"][left]).all()
+    return "an opening lies above the image: its second step saw what its first made up" if above else None
+
+
 morphology = Operation(
     name="morphology",
     family="convolution",
     summary="Erosion and dilation by a rectangle, opening, closing, gradient and hats.",
     parameters=Parameters,
-    inputs=(Input("image", "a picture or data, any number of channels"),),
+    inputs=(Input("image", "a picture or data, any number of channels"), WHICH),
     light=Light.STORED,
     footprint=_footprint,
     identity=_identity,
     result=_result,
     propagate=lambda p, facts, error: (2 if p.step in DIFFERENCES else 1) * error,
-    check=lambda p, facts: check_anchor(p.anchor, p.width, p.height),
+    check=lambda p, facts: check_anchor(p.anchor, p.width, p.height) + check_mask(facts),
     examples=(
         {},
         {"step": "open", "width": 4, "height": 7, "anchor": [0, 2], "border": "reflect101"},
@@ -200,10 +233,13 @@ morphology = Operation(
         {"step": "tophat", "width": 6, "height": 5, "border": "constant", "value": 0.25},
         {"step": "erode", "width": 2, "height": 60},
         {"step": "blackhat", "width": 3, "height": 4},
+        {"step": "open", "width": 5, "height": 4, "missing": "inside"},
     ),
     hard_cases=(
         HardCase("opening by an even window", "unless dilation turns the window, the image shifts", _noise,
                  {"step": "open", "width": 4, "height": 2}, _not_above),
+        HardCase("opening of a torn picture", "erosion fills holes, which dilation then hands on", _torn_noise,
+                 {"step": "open", "width": 4, "height": 3, "missing": "skip"}, _not_above_what_is_left),
         HardCase("one NaN", "smallest and largest of C and OpenCL leave the number", _one_nan,
                  {"step": "erode", "width": 5, "height": 3}, _nan_in_15),
     ),
@@ -213,7 +249,7 @@ morphology = Operation(
 
 @morphology.truth
 def truth(inputs: Inputs, p: Parameters) -> Array:
-    return _computed(inputs, p, lambda pixels, window, step: windows_plain(pixels, window, step, p.border, p.beyond))
+    return _computed(inputs, p, windows_plain)
 
 
 @morphology.method(
@@ -227,15 +263,8 @@ class Blocks:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
-        def windows(pixels: Array, window: Window, step: Combine) -> Array:
-            nonfinite = inputs["image"].extent.nonfinite > 0
-            return windows_opencl(device, pixels, window, step, p.border, p.beyond, nonfinite=nonfinite)
-
-        return _computed(inputs, p, windows)
+        return _computed(inputs, p, partial(windows_opencl, device))
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, knob: float) -> Array:
-        def windows(pixels: Array, window: Window, step: Combine) -> Array:
-            return windows_numpy(pixels, window, step, p.border, p.beyond)
-
-        return aligned(_computed(inputs, p, windows))
+        return aligned(_computed(inputs, p, windows_numpy))

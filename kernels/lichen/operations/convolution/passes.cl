@@ -81,13 +81,7 @@ __kernel void both(__global const float *restrict in, __global const int *restri
             for (int i = 0; i < BLOCK; i++)
                 sums[i].v[0] = sums[i].v[1] = (float16)(bias);
             const float *p = stage + (j - first) * pitch + k;
-            if (tall >= BLOCK)
-                long_run(p, pitch, down, sums, tall);
-            else
-                for (int t = 0; t < tall; t++)
-                    #pragma unroll
-                    for (int i = 0; i < BLOCK; i++)
-                        one(sums + i, down[t], staged(p + (i + t) * pitch));
+            long_run(p, pitch, down, sums, tall);
             __global float *to = out + (size_t)(y + j) * width + x + k;
             #pragma unroll
             for (int i = 0; i < BLOCK; i++, to += width)
@@ -132,31 +126,29 @@ __kernel void columns(__global const float *restrict in, __global const int *res
     }
     __global float *row = out + (size_t)y * out_stride + out_offset + x;
     int j = 0;
-    if (count >= BLOCK) {
-        for (; j + BLOCK <= rows; j += BLOCK)
-            for (int x0 = 0; x0 < STRIP; x0 += LANES) {
-                Strip sums[BLOCK];
+    for (; j + BLOCK <= rows; j += BLOCK)
+        for (int x0 = 0; x0 < STRIP; x0 += LANES) {
+            Strip sums[BLOCK];
+            #pragma unroll
+            for (int i = 0; i < BLOCK; i++)
                 #pragma unroll
-                for (int i = 0; i < BLOCK; i++)
-                    #pragma unroll
-                    for (int k = 0; k < VECTORS; k++)
-                        sums[i].v[k] = (float16)0.0f;
-                long_run(stage + j * STRIP + x0, STRIP, weights, sums, count);
+                for (int k = 0; k < VECTORS; k++)
+                    sums[i].v[k] = (float16)0.0f;
+            long_run(stage + j * STRIP + x0, STRIP, weights, sums, count);
+            #pragma unroll
+            for (int i = 0; i < BLOCK; i++) {
+                __global float *to = row + (size_t)(j + i) * out_stride + x0;
+                float kept[LANES];
                 #pragma unroll
-                for (int i = 0; i < BLOCK; i++) {
-                    __global float *to = row + (size_t)(j + i) * out_stride + x0;
-                    float kept[LANES];
-                    #pragma unroll
-                    for (int k = 0; k < VECTORS; k++)
-                        if (wide == STRIP && !accumulate)
-                            vstore16(sums[i].v[k], k, to);
-                        else
-                            vstore16(sums[i].v[k], k, kept);
-                    if (wide != STRIP || accumulate)
-                        store_strip(to, kept, min(LANES, wide - x0), accumulate);
-                }
+                for (int k = 0; k < VECTORS; k++)
+                    if (wide == STRIP && !accumulate)
+                        vstore16(sums[i].v[k], k, to);
+                    else
+                        vstore16(sums[i].v[k], k, kept);
+                if (wide != STRIP || accumulate)
+                    store_strip(to, kept, min(LANES, wide - x0), accumulate);
             }
-    }
+        }
     for (; j < rows; j++) {
         float16 low = (float16)0.0f, high = (float16)0.0f;
         for (int t = 0; t < count; t++) {

@@ -6,7 +6,8 @@ Truth: with blur the Gaussian of `sigma` (see `gaussian`) and d = image - blur t
 
 so that detail below the threshold, which is mostly noise, is left alone, and what is above it sets in without a step.
 `amount` 0 changes nothing, -1 with no threshold is the blur itself. Nothing is clamped: edges overshoot.
-Colours are sharpened, coverage is kept.
+Colours are sharpened, coverage is kept. Where pixels are left out (`mask`, `missing`), the blur is the mean of the
+others (see `gaussian`); of a pixel whose own sample is undefined the result is undefined.
 
 Methods are those of the blur, `fir` and `dct`; their error arrives multiplied by the amount.
 
@@ -42,6 +43,7 @@ from lichen.operation import (
 )
 from lichen.operations.convolution.gaussian import Parameters as Blur
 from lichen.operations.convolution.gaussian import gaussian
+from lichen.operations.convolution.missing import MASK, Missing, check_mask, extent_without, leaves_out
 from lichen.operations.convolution.stencil import kept_coverage, reach_of_values
 
 
@@ -51,10 +53,11 @@ class Parameters(OperationParameters):
     threshold: float = Field(0.0, ge=0, le=1e6, description="detail up to this is left alone")
     border: Border = Field(Border.REFLECT, description="how the image continues beyond its edges")
     value: float = Field(0.0, description="what lies beyond a constant border")
+    missing: Missing = Field(Missing.SPREAD, description="what becomes of samples that are NaN or infinite")
 
     @property
     def blur(self) -> Blur:
-        return Blur(sigma=self.sigma, border=self.border, value=self.value)
+        return Blur(sigma=self.sigma, border=self.border, value=self.value, missing=self.missing)
 
 
 def _detail(p: Parameters, facts: InputFacts) -> float:
@@ -65,13 +68,14 @@ def _detail(p: Parameters, facts: InputFacts) -> float:
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
     extent, more = facts["image"].extent, _detail(p, facts)
-    return dataclasses.replace(facts["image"], extent=Extent(extent.low - more, extent.high + more, extent.nonfinite))
+    extent = Extent(extent.low - more, extent.high + more, extent.nonfinite)
+    return dataclasses.replace(facts["image"], extent=extent_without(facts, extent))
 
 
 def _identity(p: Parameters, facts: InputFacts) -> str | None:
     image = facts["image"]
-    if image.extent.nonfinite:
-        return None  # infinite detail is NaN, however little of it is added
+    if image.extent.nonfinite or leaves_out(p.missing, facts):
+        return None  # infinite detail is NaN, and so is none at all, however little of it is added
     if p.amount == 0 or p.sigma == 0:
         return "no detail is added"
     low, high = reach_of_values(image, p.border, p.value)
@@ -133,27 +137,36 @@ def _contained(inputs: Mapping[str, Any], pixels: Array) -> str | None:
     return None if np.isnan(pixels[16, 17]) else "NaN turned into a colour"
 
 
+def _only_its_own(inputs: Mapping[str, Any], pixels: Array) -> str | None:
+    spoilt = np.argwhere(np.isnan(pixels[..., 0])).tolist()
+    return None if spoilt == [[16, 17]] else f"{len(spoilt)} pixels are NaN, not the one that was"
+
+
 sharpen = Operation(
     name="sharpen",
     family="convolution",
     summary="Unsharp mask: adds the detail that a Gaussian blur takes away, above a threshold.",
     parameters=Parameters,
-    inputs=(Input("image", "a picture or data, any number of channels"),),
+    inputs=(Input("image", "a picture or data, any number of channels"), MASK),
     light=Light.LINEAR,
     wants_alpha=Alpha.ASSOCIATED,
     footprint=lambda p, facts: gaussian.footprint(p.blur, facts),
     identity=_identity,
     result=_result,
     propagate=lambda p, facts, error: (1 + 2 * abs(p.amount)) * error,
+    check=lambda p, facts: check_mask(facts),
     examples=(
         {},
         {"sigma": 4.0, "amount": 2.5, "threshold": 0.1, "border": "wrap"},
         {"sigma": 1.0, "amount": -1, "border": "constant", "value": 0.5},
         {"sigma": 25.0, "amount": 0.7},
+        {"sigma": 3.0, "amount": 1.5, "missing": "inside"},
     ),
     hard_cases=(
         HardCase("noise below the threshold", "a hard threshold tears holes, none makes noise louder", _speckled,
                  {"sigma": 1.5, "amount": 2, "threshold": 0.05}, _noise_is_left),
+        HardCase("one NaN that is skipped", "0 x NaN is NaN", _one_nan, {"sigma": 1.0, "missing": "skip"},
+                 _only_its_own),
         HardCase("one NaN", "clamp(NaN) is a number", _one_nan, {"sigma": 1.0, "threshold": 0.1}, _contained),
     ),
     description=__doc__ or "",

@@ -6,6 +6,7 @@ one tile of private memory are cut into parts that add up.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -35,6 +36,10 @@ TILE, WIDE = 256, 512
 """Floats of a tile, where kernels are large and where they are small."""
 WIDEST = 1024
 """Floats that a part of the kernel reaches sideways at most."""
+BUSY = 49
+"""Taps with which summing takes so long that all else is done meanwhile."""
+LONGEST = 7
+"""Taps of a run at most, as `strips.clh` has it."""
 FEW = 49
 """Taps of a part that OpenCV computes directly; more would make it take a transform."""
 
@@ -127,10 +132,11 @@ def correlate(
     target, floats = session.readwrite(out), width * channels
     wide = WIDEST // channels + 1
     widest = stride_of(min(wide, stencil.taps.shape[1]), channels)
-    tall = STAGE // widest - BLOCK
+    tall = STAGE // widest - 2 * BLOCK
     for number, part in enumerate(stencil.parts(tall, wide)):
         rows, columns = part.taps.shape
-        tile, stride, capacity = laid_out(rows, columns, channels)
+        busy = part.count >= BUSY
+        tile, stride, capacity = laid_out(rows, columns, channels, 2 * NEAR if busy else NEAR)
         down, beside = gathering(source.shape, part, tile, stride, border)
         runs, weights = _runs(part.taps.astype(np.float64).tobytes(), rows, stride, channels)
         tiles, band = -(-floats // tile), banded(height, -(-floats // tile), rows)
@@ -139,7 +145,8 @@ def correlate(
             source, down, beside, runs, weights,
             target, np.int32(height), np.int32(floats), np.int32(part.left * channels), np.int32(rows),
             np.int32(stride), np.int32(band), np.int32(tile), np.int32(len(runs)), np.float32(value),
-            np.float32(part.bias), np.int32(capacity), np.int32(add or number > 0), tail.numbers if tail else None,
+            np.float32(part.bias), np.int32(capacity - BLOCK * busy), np.int32(add or number > 0), np.int32(busy),
+            tail.numbers if tail else None,
             local=(1, 1),
             defines={"STAGE": STAGE},
         )  # fmt: skip
@@ -159,13 +166,13 @@ def apart(
     )  # fmt: skip
 
 
-def laid_out(rows: int, columns: int, channels: int) -> tuple[int, int, int]:
-    """Floats of a tile, floats of its staged rows, and how many of them are staged: in the first cache, if they fit."""
+def laid_out(rows: int, columns: int, channels: int, near: int = NEAR) -> tuple[int, int, int]:
+    """Floats of a tile, floats of its staged rows, and how many of them are staged: `near` floats, if they fit."""
     for tile in (WIDE, TILE):
         stride = stride_of(columns, channels, tile)
-        if (rows - 1 + BLOCK) * stride <= NEAR:
+        if (rows - 1 + BLOCK) * stride <= near:
             break
-    room = min(STAGE, max(NEAR, 2 * (rows - 1 + BLOCK) * stride)) // stride
+    room = min(STAGE, max(near, 2 * (rows - 1 + BLOCK) * stride)) // stride
     return tile, stride, rows - 1 + (room - rows + 1) // BLOCK * BLOCK
 
 
@@ -211,10 +218,8 @@ def stride_of(columns: int, channels: int, tile: int = TILE) -> int:
 
 @lru_cache(16)
 def _runs(taps: bytes, rows: int, stride: int, channels: int) -> tuple[Array, Array]:
-    """Stretches of non-zero taps down each column: (offset into the stage, first weight, count), and the weights.
-
-    In order of length.
-    """
+    """Stretches of up to `LONGEST` non-zero taps down each column, (offset into the stage, first weight, count), in
+    order of length; and the weights."""
     matrix = np.frombuffer(taps).reshape(rows, -1)
     runs: list[tuple[int, int, int]] = []
     weights: list[float] = []
@@ -223,8 +228,10 @@ def _runs(taps: bytes, rows: int, stride: int, channels: int) -> tuple[Array, Ar
         inside[1:-1] = line != 0
         edges = np.flatnonzero(np.diff(inside))
         for start, end in edges.reshape(-1, 2):
-            runs.append((start * stride + column * channels, len(weights), end - start))
-            weights.extend(line[start:end])
+            cuts = np.linspace(start, end, -(-(end - start) // LONGEST) + 1).astype(int)
+            for first, last in itertools.pairwise(cuts):
+                runs.append((first * stride + column * channels, len(weights), last - first))
+                weights.extend(line[first:last])
     runs.sort(key=lambda run: run[2])
     return _kept(np.array(runs or [(0, 0, 1)], np.int32)), _kept(np.array(weights or [0.0], np.float32))
 

@@ -6,7 +6,8 @@
 // negative are not negative.
 //
 // COMBINE is the step: 0 the sum, of samples multiplied by `scale`, 1 the smaller, 2 the larger; NANS is 0 where no sample
-// is NaN. Sample i of a line that begins before the image comes from sources[i]; -1 is the constant.
+// is NaN, 1 where one in a window is the result, 2 where it takes no part. Sample i of a line that begins before the image
+// comes from sources[i]; -1 is the constant.
 //
 // both: both axes at once, for windows that private memory holds twice. Along rows of pixels of three or four
 //   channels, four rows abreast are taken as above, pixel by pixel, so that no step waits for the one before. Of
@@ -37,13 +38,13 @@
 #define NEXT8(a, b) fma(b, (float8)(scale), a)
 #define AFTER(v) ((v) * after)
 #elif COMBINE == 1
-#define JOIN(a, b) (NANS ? num_min(a, b) : (a) < (b) ? (a) : (b))
+#define JOIN(a, b) (NANS == 1 ? num_min(a, b) : NANS == 2 ? ((b) != (b) | (a) < (b) ? (a) : (b)) : (a) < (b) ? (a) : (b))
 #define SAMPLE(v) (v)
 #define NEXT(a, b) JOIN(a, b)
 #define NEXT8(a, b) JOIN(a, b)
 #define AFTER(v) (v)
 #else
-#define JOIN(a, b) (NANS ? num_max(a, b) : (a) < (b) ? (b) : (a))
+#define JOIN(a, b) (NANS == 1 ? num_max(a, b) : NANS == 2 ? ((b) != (b) | (b) < (a) ? (a) : (b)) : (a) < (b) ? (b) : (a))
 #define SAMPLE(v) (v)
 #define NEXT(a, b) JOIN(a, b)
 #define NEXT8(a, b) JOIN(a, b)

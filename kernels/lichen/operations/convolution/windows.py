@@ -24,6 +24,7 @@ from lichen.opencl.device import Device
 from lichen.opencl.session import Session
 from lichen.operation import Border, Footprint
 from lichen.operations.convolution.borders import OUTSIDE, continued
+from lichen.operations.convolution.missing import Undefined
 from lichen.operations.convolution.stencil import Stencil, apart, banded, gathering, stride_of
 
 LANES, BAND = 32, 64
@@ -70,17 +71,16 @@ def windows_opencl(
     combine: Combine,
     border: Border,
     value: float,
-    *,
-    nonfinite: bool = True,
+    undefined: Undefined = Undefined.SPREAD,
 ) -> Array:
-    """The windows of every pixel of an array (height, width, channels); `nonfinite`: whether it may hold NaN."""
+    """The windows of every pixel of an array (height, width, channels)."""
     height, width, channels = pixels.shape
-    out, defines = aligned_empty(pixels.shape), {"COMBINE": int(combine), "NANS": int(nonfinite)}
+    out, defines = aligned_empty(pixels.shape), {"COMBINE": int(combine), "NANS": int(undefined)}
     private = {"STAGE": STAGE, "MARGIN": MARGIN, "TILE": TILES[0]}
     tile = _tile(window, channels)
     with device.session() as session:
         if session.in_step:
-            _apart(session, pixels, out, window, combine, border, value)
+            _apart(session, pixels, out, window, combine, border, value, undefined)
             return out
         if tile is None:
             _one_by_one(session, pixels, out, window, border, value, defines)
@@ -109,8 +109,9 @@ def _tile(window: Window, channels: int) -> int | None:
 
 
 def _apart(
-    session: Session, pixels: Array, out: Array, window: Window, combine: Combine, border: Border, value: float
-) -> None:
+    session: Session, pixels: Array, out: Array, window: Window, combine: Combine, border: Border, value: float,
+    undefined: Undefined,
+) -> None:  # fmt: skip
     """Down, and then across, sample by sample: what a processor would do slowly, and a device in step does at once."""
     between = session.scratch(pixels.shape)
     for source, target, (tall, wide), (top, left) in (
@@ -120,6 +121,7 @@ def _apart(
         apart(
             session, "window", source, target, Stencil(np.ones((tall, wide)), top, left), border, value,
             np.int32(tall), np.int32(wide), np.int32(combine), np.float32(1 / (tall * wide)),
+            np.int32(undefined is Undefined.SKIP),
         )  # fmt: skip
 
 
@@ -152,7 +154,20 @@ def _sources(size: int, n: int, before: int, border: Border) -> Array:
     return aligned(continued(np.arange(size + n) - before, size, border).astype(np.int32), np.int32)
 
 
-def windows_numpy(pixels: Array, window: Window, combine: Combine, border: Border, value: float) -> Array:
+def _step(combine: Combine, undefined: Undefined) -> np.ufunc:
+    if undefined is Undefined.SKIP:
+        return (np.add, np.fmin, np.fmax)[combine]
+    return (np.add, np.minimum, np.maximum)[combine]
+
+
+def windows_numpy(
+    pixels: Array,
+    window: Window,
+    combine: Combine,
+    border: Border,
+    value: float,
+    undefined: Undefined = Undefined.SPREAD,
+) -> Array:
     """The same by accumulating whole blocks."""
     for axis, n, before in ((0, window.height, window.top), (1, window.width, window.left)):
         lines = np.moveaxis(pixels, axis, 0)
@@ -161,7 +176,7 @@ def windows_numpy(pixels: Array, window: Window, combine: Combine, border: Borde
         at = continued(np.arange(blocks * n) - before, size, border)
         around = lines[np.maximum(at, 0)]
         around[at == OUTSIDE] = value
-        step: np.ufunc = (np.add, np.minimum, np.maximum)[combine]
+        step = _step(combine, undefined)
         if combine is Combine.MEAN:
             around = around * around.dtype.type(1 / n)
         cut = around.reshape(blocks, n, *lines.shape[1:])
@@ -174,9 +189,16 @@ def windows_numpy(pixels: Array, window: Window, combine: Combine, border: Borde
     return aligned(pixels)
 
 
-def windows_plain(pixels: Array, window: Window, combine: Combine, border: Border, value: float) -> Array:
+def windows_plain(
+    pixels: Array,
+    window: Window,
+    combine: Combine,
+    border: Border,
+    value: float,
+    undefined: Undefined = Undefined.SPREAD,
+) -> Array:
     """The definition: float64, one shifted image after the other."""
-    step: np.ufunc = (np.add, np.minimum, np.maximum)[combine]
+    step = _step(combine, undefined)
     done = pixels.astype(np.float64)
     for axis, n, before in ((0, window.height, window.top), (1, window.width, window.left)):
         lines = np.moveaxis(done, axis, 0)
@@ -189,3 +211,8 @@ def windows_plain(pixels: Array, window: Window, combine: Combine, border: Borde
             total = step(total, around[shift : shift + size])
         done = np.moveaxis(total / n if combine is Combine.MEAN else total, 0, axis)
     return done
+
+
+def reached(pixels: Array, window: Window, border: Border) -> Array:
+    """Above 0 where the window of a pixel holds a value above 0."""
+    return windows_numpy(pixels, window, Combine.LARGEST, border, 0.0)

@@ -1,4 +1,4 @@
-"""Means in which pixels take no part, against ratios of SciPy's filters over what takes part."""
+"""Filters in which pixels take no part, against SciPy and least squares over what takes part."""
 
 from __future__ import annotations
 
@@ -132,3 +132,198 @@ def test_a_narrow_gaussian_does_not_reach_its_neighbours(backend: str) -> None:
     made = lichen.run("gaussian", PIXELS, device=backend, **values).image.pixels
     np.testing.assert_array_equal(np.isnan(made[..., :1]), MASK == 0)
     np.testing.assert_array_equal(np.isnan(lichen.evaluate_truth("gaussian", PIXELS, **values)), np.isnan(made))
+
+
+# ------------------------------------------------------------------- filters that choose, fit, or go on from means
+
+Window = Callable[[np.ndarray], float]
+"""Of the numbers in a window of 3 x 5, of which there is at least one."""
+
+STEPS: dict[str, tuple[Window, dict[str, Any]]] = {
+    "median": (lambda seen: float(np.sort(seen)[(len(seen) - 1) // 2]), {"size": 5}),
+    "erode": (lambda seen: float(seen.min()), {"step": "erode", "width": 5, "height": 3}),
+    "dilate": (lambda seen: float(seen.max()), {"step": "dilate", "width": 5, "height": 3}),
+    "gradient": (lambda seen: float(seen.max() - seen.min()), {"step": "gradient", "width": 5, "height": 3}),
+}
+choosing = pytest.mark.parametrize("name", list(STEPS))
+
+
+def of_those_left(name: str, pixels: np.ndarray, mode: str) -> np.ndarray:
+    """SciPy shows every window, NaN where nothing takes part."""
+    choose, values = STEPS[name]
+
+    def window(seen: np.ndarray) -> float:
+        there = seen[~np.isnan(seen)]
+        return choose(there) if there.size else np.nan
+
+    rows, columns = (5, 5) if name == "median" else (values["height"], values["width"])
+    planes = [
+        ndimage.generic_filter(plane, window, (rows, columns), mode=mode, cval=np.nan)
+        for plane in np.moveaxis(pixels.astype(np.float64), -1, 0)
+    ]
+    return np.stack(planes, -1)
+
+
+def chosen(name: str, pixels: np.ndarray, backend: str, **values: Any) -> np.ndarray:
+    operation = "median" if name == "median" else "morphology"
+    return lichen.run(operation, pixels, device=backend, **STEPS[name][1], **values).image.pixels
+
+
+@choosing
+@backends
+def test_choices_are_made_among_what_takes_part(name: str, backend: str) -> None:
+    made = chosen(name, np.where(HOLES, np.float32(np.nan), PIXELS), backend, mask=MASK)
+    holes = np.where(HOLES, np.nan, PIXELS)
+    np.testing.assert_allclose(made, of_those_left(name, holes, "reflect"), rtol=1e-6)
+    assert np.isnan(made).any()
+    garbage = chosen(name, np.where(HOLES, np.float32(-1e9), PIXELS), backend, mask=MASK)
+    np.testing.assert_array_equal(garbage, made)
+
+
+@choosing
+@backends
+def test_choices_skip_what_is_no_number_channel_by_channel(name: str, backend: str) -> None:
+    bad = RNG.random(PIXELS.shape) < 0.6
+    with np.errstate(invalid="ignore"):
+        minus = -np.float32(np.nan)  # its sign would make it the smallest of all
+    spoilt = np.where(bad, RNG.choice(np.array([np.nan, minus, np.inf, -np.inf], np.float32), PIXELS.shape), PIXELS)
+    made = chosen(name, spoilt, backend, missing="skip", border="wrap")
+    np.testing.assert_allclose(made, of_those_left(name, np.where(bad, np.nan, PIXELS), "grid-wrap"), rtol=1e-6)
+
+
+@choosing
+@backends
+def test_choices_inside_see_nothing_beyond_the_edges(name: str, backend: str) -> None:
+    made = chosen(name, PIXELS, backend, missing="inside", border="wrap")
+    np.testing.assert_allclose(made, of_those_left(name, PIXELS, "constant"), rtol=1e-6)
+
+
+@choosing
+@backends
+def test_what_is_undefined_and_not_left_out_spreads(name: str, backend: str) -> None:
+    """A mask says which pixels take part, and a NaN among those is one."""
+    pixels = PIXELS.copy()
+    pixels[20, 30, 1] = np.nan
+    made = chosen(name, pixels, backend, mask=np.ones((29, 37), np.float32))
+    rows = slice(18, 23) if name == "median" else slice(19, 22)
+    expected = np.zeros(PIXELS.shape, bool)
+    expected[rows, 28:33, 1] = True
+    np.testing.assert_array_equal(np.isnan(made), expected)
+
+
+@backends
+def test_openings_and_closings_of_a_part_lie_on_their_side_of_it(backend: str) -> None:
+    values: dict[str, Any] = {"width": 4, "height": 3, "mask": MASK, "device": backend}
+    there = ~HOLES[..., 0]
+    opened = lichen.run("morphology", PIXELS, step="open", **values).image.pixels
+    closed = lichen.run("morphology", PIXELS, step="close", **values).image.pixels
+    assert (opened[there] <= PIXELS[there]).all()
+    assert (closed[there] >= PIXELS[there]).all()
+    again = lichen.run("morphology", opened, step="open", **values).image.pixels
+    np.testing.assert_array_equal(again[there], opened[there])
+    hat = lichen.run("morphology", PIXELS, step="tophat", **values).image.pixels
+    np.testing.assert_array_equal(hat, PIXELS - opened)
+
+
+WEIGHTS = {
+    "sobel": np.outer((1, 2, 1), (1, 2, 1)),
+    "scharr": np.outer((3, 10, 3), (3, 10, 3)),
+    "prewitt": np.ones((3, 3)),
+    "central": np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]]),
+}
+
+
+def planes(pixels: np.ndarray, kind: str, mode: str) -> np.ndarray:
+    """The slopes (x, y) of the plane that fits what takes part, by LAPACK, one pixel after the other."""
+    outside: dict[str, Any] = {"constant_values": np.nan} if mode == "constant" else {}
+    around = np.pad(pixels.astype(np.float64), 1, mode=mode, **outside)  # type: ignore[call-overload]
+    slopes = np.full((*pixels.shape, 2), np.nan)
+    roots = np.sqrt(WEIGHTS[kind]).ravel()
+    grid = np.stack([np.ones(9), np.tile((-1, 0, 1), 3), np.repeat((-1, 0, 1), 3)], 1)
+    for y, x in np.ndindex(*pixels.shape):
+        seen = around[y : y + 3, x : x + 3].ravel()
+        part = ~np.isnan(seen) & (roots > 0)
+        if np.linalg.matrix_rank(grid[part]) == 3:
+            solved = np.linalg.lstsq(roots[part, None] * grid[part], roots[part] * seen[part], rcond=None)
+            slopes[y, x] = solved[0][1:]
+    return slopes
+
+
+def of_slopes(slopes: np.ndarray) -> dict[str, np.ndarray]:
+    x, y = slopes[..., 0], slopes[..., 1]
+    along = np.cos(np.radians(30)) * x + np.sin(np.radians(30)) * y
+    return {"x": x, "y": y, "l1": np.abs(x) + np.abs(y), "l2": np.hypot(x, y), "along": along}
+
+
+@pytest.mark.parametrize("kind", list(WEIGHTS))
+@backends
+def test_slopes_are_those_of_the_plane_through_what_is_left(kind: str, backend: str) -> None:
+    plane, holes = PIXELS[..., 0], HOLES[..., 0]
+    garbage = np.where(holes, np.float32(-1e9), plane)
+    for output, expected in of_slopes(planes(np.where(holes, np.nan, plane), kind, "symmetric")).items():
+        values: dict[str, Any] = {"mask": kind, "output": output, "angle": 30, "device": backend}
+        made = lichen.run("derivative", garbage, valid=MASK, **values).image.pixels[..., 0]
+        np.testing.assert_allclose(made, expected, atol=2e-5)
+        assert np.isnan(made).any()
+        assert np.isfinite(made[holes]).any()  # a plane has a slope where none of its samples is, too
+
+
+@pytest.mark.parametrize("kind", list(WEIGHTS))
+@backends
+def test_slopes_skip_what_is_no_number_and_see_nothing_beyond_the_edges(kind: str, backend: str) -> None:
+    bad = RNG.random(PIXELS.shape) < 0.2
+    spoilt = np.where(bad, RNG.choice(np.float32([np.nan, np.inf, -np.inf]), PIXELS.shape), PIXELS)
+    values: dict[str, Any] = {"mask": kind, "output": "x", "device": backend}
+    skipped = lichen.run("derivative", spoilt, missing="skip", border="wrap", **values).image.pixels
+    inside = lichen.run("derivative", spoilt, missing="inside", border="wrap", **values).image.pixels
+    for channel in range(3):
+        left = np.where(bad, np.nan, PIXELS)[..., channel]
+        np.testing.assert_allclose(skipped[..., channel], planes(left, kind, "wrap")[..., 0], atol=2e-5)
+        np.testing.assert_allclose(inside[..., channel], planes(left, kind, "constant")[..., 0], atol=2e-5)
+
+
+@backends
+def test_an_undefined_sample_that_is_not_left_out_has_no_plane(backend: str) -> None:
+    pixels = PIXELS.copy()
+    pixels[20, 30, 1] = np.nan
+    made = lichen.run("derivative", pixels, valid=np.ones((29, 37), np.float32), device=backend).image.pixels
+    expected = np.zeros(PIXELS.shape, bool)
+    expected[19:22, 29:32, 1] = True
+    np.testing.assert_array_equal(np.isnan(made), expected)
+
+
+def test_a_mask_without_fits_leaves_nothing_out() -> None:
+    for values in ({"missing": "skip"}, {"valid": MASK}):
+        with pytest.raises(InvalidRequest) as caught:
+            lichen.run("derivative", PIXELS, mask="gaussian", **values)
+        assert [flaw.pointer for flaw in caught.value.flaws] == ["/parameters/mask"]
+
+
+def test_who_takes_part_is_named_where_it_is_wrong() -> None:
+    for operation, name in (("median", "mask"), ("morphology", "mask"), ("derivative", "valid"), ("sharpen", "mask")):
+        for wrong in (np.full((29, 37), -1, np.float32), np.ones((3, 3), np.float32)):
+            with pytest.raises(InvalidRequest) as caught:
+                lichen.run(operation, PIXELS, **{name: wrong})
+            assert [flaw.pointer for flaw in caught.value.flaws] == [f"/inputs/{name}"]
+
+
+@backends
+def test_detail_is_told_from_what_takes_part(backend: str) -> None:
+    values: dict[str, Any] = {"sigma": 1.5, "device": backend}
+    made = lichen.run("sharpen", PIXELS, mask=MASK, amount=2, **values).image.pixels
+    blur = expected("gaussian", PIXELS, MASK, "reflect")
+    np.testing.assert_allclose(made, PIXELS + 2 * (PIXELS - blur), rtol=2e-5, atol=2e-5)
+    spoilt = PIXELS.copy()
+    spoilt[5, 7] = np.nan
+    made = lichen.run("sharpen", spoilt, missing="skip", **values).image.pixels
+    assert np.argwhere(np.isnan(made[..., 0])).tolist() == [[5, 7]]
+
+
+def test_nothing_to_leave_out_leaves_the_quick_methods() -> None:
+    """`skip` of an image whose samples are all numbers is the plain filter, by the plain filter's method."""
+    plain = lichen.run("median", PIXELS, size=3)
+    skipped = lichen.run("median", PIXELS, size=3, missing="skip")
+    assert plain.method == skipped.method == "network"
+    np.testing.assert_array_equal(plain.image.pixels, skipped.image.pixels)
+    plan = lichen.explain("median", PIXELS, size=3, missing="inside").to_json()["nodes"][0]
+    assert any("left out" in offer["verdict"] for offer in plan["alternatives"])
