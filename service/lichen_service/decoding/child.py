@@ -15,7 +15,6 @@ import contextlib
 import importlib
 import json
 import math
-import mmap
 import os
 import resource
 import signal
@@ -67,7 +66,7 @@ def _decode(asked: dict[str, object], descriptor: int, place: _Place) -> dict[st
             try:
                 format = recognise(view)
                 if not format.places:
-                    place.forget()
+                    place.window.close()  # its pages count as memory that a decoder uses
                 with _closed(format.modules):
                     header = format.header(view, str(asked.get("select", "")))
                     samples = np.ascontiguousarray(format.samples(view, header, place.allocate))
@@ -85,25 +84,21 @@ def _decode(asked: dict[str, object], descriptor: int, place: _Place) -> dict[st
 
 
 class _Place:
-    """Where samples go; some formats write them there themselves, which spares a copy. An image as large as the one
-    before finds the pages mapped, which takes 5 ms for 36 MB."""
+    """Where samples go; some formats write them there themselves, which spares a copy."""
 
     def __init__(self) -> None:
         self.room = messages.Room("samples")
         self._array: Array | None = None
-        self._mapped: mmap.mmap | None = None
+        self.window = messages.Window()
 
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
         kind = np.dtype(dtype)
         count = math.prod(shape) * kind.itemsize
-        if self._mapped is None or len(self._mapped) != count:
-            self.forget()
-            self.room.make(count)
-            try:
-                self._mapped = messages.mapped(self.room.descriptor, count)
-            except OSError:
-                raise MemoryError from None
-        self._array = np.frombuffer(self._mapped, kind).reshape(shape)
+        self.room.make(count)
+        try:
+            self._array = np.frombuffer(self.window.mapped(self.room.descriptor, count), kind).reshape(shape)
+        except OSError:
+            raise MemoryError from None
         return self._array
 
     def take(self, samples: Array) -> None:
@@ -112,12 +107,6 @@ class _Place:
 
     def leave(self) -> None:
         self._array = None
-        if self._mapped is not None and len(self._mapped) > messages.KEPT:
-            self.forget()  # what lies behind it is let go
-
-    def forget(self) -> None:
-        """Let the pages go, which count as memory that a decoder uses."""
-        self._mapped = None
 
 
 @contextlib.contextmanager
