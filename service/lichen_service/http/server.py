@@ -222,7 +222,7 @@ class Supervisor:
 
     def _let_serve(self, worker: _Worker) -> None:
         worker.spare, worker.started = False, time.monotonic()
-        with contextlib.suppress(BrokenPipeError), worker.channel:
+        with contextlib.suppress(ConnectionError), worker.channel:  # it may have died before it read all
             worker.channel.sendall(self._told)
 
     def _start(self, *, spare: bool = False) -> _Worker:
@@ -233,7 +233,7 @@ class Supervisor:
         crowd = Crowd.at(self._crowd, min({*range(len(self._workers) + 1)} - taken))
         (process, channel), self._begun = self._begun or begin(), None
         given = [other_end, self._lifeline, self._crowd, *(listener.fileno() for listener in self._listeners)]
-        with contextlib.suppress(BrokenPipeError):
+        with contextlib.suppress(ConnectionError):
             socket.send_fds(channel, [b"\0"], given)
             channel.sendall(pickle.dumps((self._maker, spare, crowd.place, dict(os.environ))))
         os.close(other_end)

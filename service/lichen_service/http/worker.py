@@ -71,14 +71,14 @@ def run() -> NoReturn:
             settings = cast("WireSettings", pickle.load(told))
     except EOFError:  # the supervisor is gone, or needs none
         os._exit(0)
-    ready_fd, lifeline_fd, crowd_fd, listener_fd, *figures_fd = descriptors
+    ready_fd, lifeline_fd, crowd_fd, listener_fd, *figures_fds = descriptors
     application = make(maker)
     with socket.socket(fileno=listener_fd) as listener:
         loop = Loop(listener, application, settings, crowd=Crowd.at(crowd_fd, place))
         loop.reactor.wake_on_signals()
         signal.signal(signal.SIGTERM, lambda *_: loop.stop())
         loop.reactor.watch(lifeline_fd, READ, lambda _mask: _orphaned(loop, lifeline_fd))
-        for each in figures_fd:
+        for each in figures_fds:
             _tell_figures(socket.socket(fileno=each), application, settings)
         gc.freeze()  # what is loaded stays; to look through it again and again stops all threads each time, for 0.1 s
         gc.set_threshold(*COLLECT)
