@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -37,7 +38,7 @@ from lichen_service.formats import readable
 from lichen_service.http.message import Admission, Head, Request, Response
 from lichen_service.jobs.service import Jobs
 from lichen_service.logs import log
-from lichen_service.memory import Memory
+from lichen_service.memory import Memory, keep_pages
 from lichen_service.metrics import Metrics
 from lichen_service.problems import PATH as PROBLEMS
 from lichen_service.readiness import Readiness, Tried, example
@@ -347,6 +348,8 @@ def create_application(
     shared = os.environ.get(SHARED)
     service = Service(settings, Path(shared) if shared else None, begun)
     service.readiness.start(tried)
+    pages = (service.memory.total, lambda: service.traffic.arrivals)
+    threading.Thread(target=keep_pages, args=pages, name="pages", daemon=True).start()
     service.assets.clean()
     service.decoders.start()
     if service.jobs:
