@@ -7,9 +7,9 @@ one is found without loading the others, which takes a second.
 from __future__ import annotations
 
 import importlib
-import pkgutil
 from collections.abc import Iterator, Mapping
 from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -46,14 +46,14 @@ def operation(name: str) -> Operation[Any]:
 
 @cache
 def _homes() -> Mapping[str, list[str]]:
-    """Modules by what an operation that is declared there may be called; nothing is loaded but packages."""
+    """Modules by what an operation that is declared there may be called; none is loaded."""
     home = importlib.import_module("lichen.operations")
     found: dict[str, list[str]] = {}
-    for module in pkgutil.walk_packages(home.__path__, home.__name__ + "."):
-        if not module.ispkg:
-            family, stem = module.name.split(".")[-2:]
-            found.setdefault(stem, []).append(module.name)
-            found.setdefault(f"{stem}_{family}", []).append(module.name)
+    for path in sorted(path for folder in home.__path__ for path in Path(folder).glob("*/*.py")):
+        family, stem = path.parent.name, path.stem
+        if stem != "__init__":
+            for name in (stem, f"{stem}_{family}"):
+                found.setdefault(name, []).append(f"{home.__name__}.{family}.{stem}")
     return found
 
 

@@ -25,7 +25,7 @@ Array = npt.NDArray[Any]
 ALIGNMENT = 128
 """Bytes; what the widest load of a kernel wants."""
 KEPT = 512 << 20
-"""Bytes kept for reuse at most."""
+"""Bytes kept for reuse at most, where nobody says otherwise (`keep`)."""
 POOLED = 1 << 20
 """Bytes; smaller arrays are not worth keeping."""
 HUGE = 2 << 20
@@ -76,15 +76,28 @@ class _Pool:
             self._blocks.setdefault(block.size, []).append(block)
             self._blocks.move_to_end(block.size)
             self._held += block.size
-            while self._held > self._capacity:
-                oldest, blocks = next(iter(self._blocks.items()))
-                blocks.pop()
-                self._held -= oldest
-                if not blocks:
-                    del self._blocks[oldest]
+            self._shorten()
+
+    def keep(self, capacity: int) -> None:
+        with self._lock:
+            self._capacity = capacity
+            self._shorten()
+
+    def _shorten(self) -> None:
+        while self._held > self._capacity:
+            oldest, blocks = next(iter(self._blocks.items()))
+            blocks.pop()
+            self._held -= oldest
+            if not blocks:
+                del self._blocks[oldest]
 
 
 _pool = _Pool(KEPT)
+
+
+def keep(count: int) -> None:
+    """Keep so many bytes for reuse at most from now on, and let go at once of what is more."""
+    _pool.keep(count)
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float32) -> Array:

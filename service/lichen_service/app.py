@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -37,10 +38,10 @@ from lichen_service.formats import readable
 from lichen_service.http.message import Admission, Head, Request, Response
 from lichen_service.jobs.service import Jobs
 from lichen_service.logs import log
-from lichen_service.memory import Memory
+from lichen_service.memory import Memory, keep_pages
 from lichen_service.metrics import Metrics
 from lichen_service.problems import PATH as PROBLEMS
-from lichen_service.readiness import Readiness, example
+from lichen_service.readiness import Readiness, Tried, example
 from lichen_service.refusals import Refusal, internal, refusal_of
 from lichen_service.routes.assets import PATH as ASSETS
 from lichen_service.routes.assets import AssetRoutes
@@ -336,14 +337,19 @@ def prepare() -> None:
     catalogue.operations()
 
 
-def create_application(begun: Sequence[Begun] = (), settings: Settings | None = None) -> Service:
-    """The service with these settings (by default those of the environment) and decoders; its warm-up has begun and
-    goes on in the background, and so does, after it, the calibration of a machine that has none."""
+def create_application(
+    begun: Sequence[Begun] = (), settings: Settings | None = None, tried: Tried | None = None
+) -> Service:
+    """The service with these settings (by default those of the environment) and decoders; its warm-up has begun, behind
+    the operation that is `tried`, and goes on in the background, and so does, after it, the calibration of a machine
+    that has none."""
     logs.configure()
     settings = settings or Settings.load()
     shared = os.environ.get(SHARED)
     service = Service(settings, Path(shared) if shared else None, begun)
-    service.readiness.start()
+    service.readiness.start(tried)
+    pages = (service.memory.total, lambda: service.traffic.arrivals)
+    threading.Thread(target=keep_pages, args=pages, name="pages", daemon=True).start()
     service.assets.clean()
     service.decoders.start()
     if service.jobs:

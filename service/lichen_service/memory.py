@@ -8,11 +8,13 @@ holds the result once more. Who does not fit now is refused at once and told to 
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
 from lichen.files import Header
+from lichen.memory import KEPT, keep
 from lichen.operation import Facts
 from lichen_service.refusals import RETRY_AFTER, Refusal
 
@@ -25,6 +27,25 @@ def to_decode(header: Header) -> int:
 def to_run(result: Facts) -> int:
     """Bytes of a result, of one step before it, and of its encoded form."""
     return 3 * 4 * result.height * result.width * result.channels
+
+
+KEPT_OF = 1 / 4
+"""of the memory that requests may take, kept for those that follow"""
+IDLE = 10.0
+"""Seconds without a request after which no more is kept than the library keeps by itself."""
+
+
+def keep_pages(total: int, arrivals: Callable[[], int], idle: float = IDLE) -> None:
+    """For as long as the process lives. Fresh pages cost more than kernels do: of four requests at a time that make a
+    picture of 12 megapixels smaller, each takes 0.2 s of the processor where it finds pages of those before, and 0.7
+    where 512 MB are kept. `arrivals` counts requests."""
+    seen = -1
+    while True:
+        if (now := arrivals()) == seen:
+            keep(KEPT)
+        keep(max(KEPT, int(total * KEPT_OF)))
+        seen = now
+        time.sleep(idle)
 
 
 class Reservation:

@@ -14,7 +14,7 @@ import gc
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -28,6 +28,8 @@ PATIENCE = 5.0
 """Seconds after which a canary that has not come back counts as stuck."""
 FRESH = 1.0
 """Seconds for which an answer of the canary is believed, so that asking often costs nothing."""
+FIRST_REST = 0.25
+"""Seconds that clients which have waited for the start have before the warm-up goes on."""
 LONGEST_REST = 5.0
 """Seconds for which the warm-up rests at most before it goes on with one method, under whatever load."""
 SIDE = 48
@@ -90,6 +92,14 @@ def warm_up(device: str | None = None) -> Iterator[tuple[str, str, LichenError |
                 yield operation.name, said, None
 
 
+class Tried(Protocol):
+    """A thread in which an operation runs, and whether it has run well."""
+
+    passed: bool
+
+    def join(self) -> None: ...
+
+
 class _Canary:
     """One tiny request on its way, in a thread that nobody has to wait for."""
 
@@ -133,10 +143,12 @@ class Readiness:
         self._warm = threading.Event()
         self._stopping = threading.Event()
         self._leaving = False
+        self._tried: Tried | None = None
         self._thread = threading.Thread(target=self._warm_up, name="warm-up", daemon=True)
 
-    def start(self) -> None:
-        """Begins the warm-up in the background."""
+    def start(self, tried: Tried | None = None) -> None:
+        """Begins the warm-up in the background, behind an operation that runs already, if one does."""
+        self._tried = tried
         self._thread.start()
 
     def stop(self, seconds: float) -> None:
@@ -159,6 +171,12 @@ class Readiness:
 
     def _warm_up(self) -> None:
         began = time.monotonic()
+        if self._tried is not None:
+            self._tried.join()
+            if self._tried.passed:
+                self._able.set()
+                self._stopping.wait(FIRST_REST)
+                self._give_way(LONGEST_REST)
         try:
             for operation, method, failed in warm_up():
                 self._able.set()

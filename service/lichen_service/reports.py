@@ -67,7 +67,8 @@ def report(result: Result, storage: Storage, encoded: Encoded | None = None) -> 
         "Lichen-Method": _line(result.method),
         "Lichen-Device": _line(result.device),
         "Lichen-Error": f"{rounded_up(result.error.value)}; {result.error.kind}; max",
-        "Lichen-Nonfinite": str(result.nonfinite),
+        # Who made integers of the samples has met each of them.
+        "Lichen-Nonfinite": str(encoded.nonfinite if encoded is not None and storage.integer else result.nonfinite),
         "Lichen-Space": f"{result.image.space}; alpha={result.image.alpha}; storage={storage}",
     }
     if result.plan.graph.precision is not Precision.FLOAT32:

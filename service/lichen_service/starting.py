@@ -1,8 +1,8 @@
 """How a worker comes up soon: what takes long and can go on beside the rest is begun first.
 
 A decoder loads its libraries on another processor meanwhile; the others begin when it stands, since a first picture
-needs one alone. The OpenCL runtime starts in a thread. Operations are loaded when they are first asked for, or by the
-warm-up.
+needs one alone. The OpenCL runtime starts in a thread, which then runs what every picture of 8 bits needs. Other
+operations are loaded when they are first asked for, or by the warm-up.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from lichen_service.decoding import processes
+from lichen_service.logs import log
 from lichen_service.settings import Settings
 
 if TYPE_CHECKING:
@@ -28,13 +29,35 @@ def create_application() -> Service:
     """As `lichen_service.app.create_application`."""
     settings = Settings.load()
     begun = [processes.begin(settings.decoder_memory)] if settings.decoders else []
-    threading.Thread(target=_start_device, name="device", daemon=True).start()
+    tried = Trial()
+    tried.start()
     from lichen_service import app
 
-    return app.create_application(begun)
+    return app.create_application(begun, tried=tried)
 
 
-def _start_device() -> None:
-    from lichen.opencl.device import default_device
+class Trial(threading.Thread):
+    """Starts the device and takes a tiny picture to light and back on it; `passed` says that it came back."""
 
-    default_device()
+    def __init__(self) -> None:
+        super().__init__(name="device", daemon=True)
+        self.passed = False
+
+    def run(self) -> None:
+        from lichen.opencl.device import default_device
+
+        default_device()
+        import numpy as np
+
+        from lichen import engine
+        from lichen.errors import LichenError
+        from lichen.image import Image, Space, Storage
+
+        grey = Image(np.full((8, 8, 3), 0.5, np.float32), Space.SRGB, storage=Storage.UINT8)
+        try:
+            for direction in ("decode", "encode"):
+                engine.run("transfer", grey, curve="srgb", direction=direction, storage=Storage.UINT8)
+        except LichenError as failed:
+            log.error("warm-up failed", operation="transfer", reason=str(failed))
+        else:
+            self.passed = True

@@ -300,6 +300,13 @@ def test_a_changed_bit_in_a_png_is_found(kind: str) -> None:
             files.decode(bytes(damaged))
 
 
+def test_a_jpeg_may_have_fill_bytes_before_its_markers() -> None:
+    data = valid("jpeg progressive")
+    scan = data.index(b"\xff\xda", data.index(b"\xff\xda") + 2)  # the second, behind data
+    filled = data[:scan] + b"\xff\xff" + data[scan:-2] + b"\xff" + data[-2:]
+    assert np.array_equal(files.decode(filled).pixels, files.decode(data).pixels)
+
+
 def test_half_a_jpeg_with_an_end_is_no_picture() -> None:
     data = valid("jpeg uint8")
     with pytest.raises(UnreadableImage, match="premature"):

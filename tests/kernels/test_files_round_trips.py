@@ -7,7 +7,8 @@ import pytest
 
 from lichen import files
 from lichen.errors import InvalidRequest, UnreadableImage, UnsupportedFormat
-from lichen.image import Alpha, Image, Space, Storage, as_image
+from lichen.files.samples import extent_of, to_floats
+from lichen.image import Alpha, Image, Space, Storage, as_image, measure_extent
 from lichen.memory import ALIGNMENT, Array
 
 HEIGHT, WIDTH = 19, 23
@@ -248,3 +249,14 @@ def test_media_type_must_agree() -> None:
 def test_bytearray_and_memoryview_are_read() -> None:
     data = files.encode(Image(np.full((3, 2, 3), 0.5, np.float32), Space.SRGB), "png").data
     assert files.decode(bytearray(data)).height == files.decode(memoryview(data)).height == 3
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_the_range_of_samples_is_that_of_their_floats(kind: type) -> None:
+    largest = np.iinfo(kind).max
+    samples = np.full((700, 900, 3), largest // 3, kind)
+    for at, value in ((0, 0), (1_500_000, 2), (-1, largest - 1), (5, largest), (-2, 0)):
+        samples.reshape(-1)[at] = value
+        assert extent_of(samples) == measure_extent(to_floats(samples))
+    samples.reshape(-1)[[0, -2]] = 7
+    assert extent_of(samples) == measure_extent(to_floats(samples))

@@ -51,3 +51,13 @@ def test_no_more_is_kept_than_said() -> None:
     assert pool._held <= 10 << 20
     assert pool.take(5 << 20) is blocks[-1]
     assert pool.take(3 << 20) is not blocks[0], "the oldest goes first"
+
+
+def test_what_is_kept_shrinks_when_less_may_be() -> None:
+    pool = memory._Pool(10 << 20)
+    blocks = [pool.take(4 << 20) for _ in range(2)]
+    for block in blocks:
+        pool.give(block)
+    pool.keep(5 << 20)
+    assert pool._held == 4 << 20
+    assert pool.take(4 << 20) is blocks[0]

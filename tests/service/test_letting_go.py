@@ -11,7 +11,9 @@ from collections.abc import Iterator
 import pytest
 
 from lichen.image import Image
+from lichen.memory import KEPT
 from lichen_service.http.message import Request, Response
+from lichen_service.memory import keep_pages
 from lichen_service.uploads import Upload
 
 from .conftest import Caller, form
@@ -60,3 +62,11 @@ def test_nor_does_one_where_a_form_holds_several_broken_pictures(
     assert call("POST", "/v1/operations/mix", body, headers).status == 422
     gc.collect()
     assert [each for each in kept_by_cycles if isinstance(each, HELD)] == []
+
+
+def test_pages_are_kept_while_requests_come(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept: list[int] = []
+    monkeypatch.setattr("lichen_service.memory.keep", kept.append)
+    with pytest.raises(StopIteration):
+        keep_pages(16 << 30, iter((3, 7, 7, 9)).__next__, idle=0.0)
+    assert kept == [4 << 30, 4 << 30, KEPT, 4 << 30, 4 << 30]

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from lichen_cli.main import main
-from lichen_service import configuration
+from lichen_service import configuration, serving
 from lichen_service.configuration import from_command_line, load
+from lichen_service.http import processes
 from lichen_service.serving import in_memory
 from lichen_service.settings import DECLARED, InvalidSettings, Settings
 
@@ -127,5 +128,21 @@ def test_what_is_counted_is_kept_in_memory_where_there_is_a_place(tmp_path: Path
 
 def test_the_supervisor_loads_nothing_that_computes() -> None:
     heavy = "{'numpy', 'pyopencl', 'cv2', 'OpenImageIO', 'lichen.engine'}"
-    said = f"import sys, lichen_service.serving; print(sorted({heavy} & set(sys.modules)))"
-    assert subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True).stdout == "[]\n"
+    said = f"""
+import sys
+from lichen_service import serving
+try:
+    serving.main(["--help"])
+finally:
+    print(sorted({heavy} & set(sys.modules)), "lichen_service.http.server" in sys.modules, file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
+    assert done.stderr == "[] True\n"
+
+
+def test_a_worker_that_was_begun_in_vain_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun = processes.begin()
+    monkeypatch.setattr(processes, "begin", lambda: begun)
+    with pytest.raises(SystemExit):
+        serving.main(["--port", "nonsense"])
+    assert begun.process.returncode is not None

@@ -263,6 +263,40 @@ def test_a_broken_warm_up_still_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     assert readiness.reason() is None  # the canary, which works, has the last word
 
 
+class Tried:
+    def __init__(self, passed: bool) -> None:
+        self.passed = passed
+
+    def join(self) -> None: ...
+
+
+def test_an_operation_that_was_tried_makes_able_before_the_warm_up_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lichen_service.readiness.FIRST_REST", 60.0)
+    readiness = Readiness(lambda: None)
+    readiness.start(Tried(passed=True))
+    assert readiness.able(30)
+    assert readiness.reason() is None
+    assert not readiness.wait(0)
+    readiness.stop(30)
+    assert readiness.wait(0)
+
+
+def test_an_operation_that_failed_makes_nobody_able(monkeypatch: pytest.MonkeyPatch) -> None:
+    released = threading.Event()
+
+    def warm_up() -> Any:
+        released.wait(60)
+        yield "gaussian", "fir", None
+
+    monkeypatch.setattr("lichen_service.readiness.warm_up", warm_up)
+    readiness = Readiness(lambda: None)
+    readiness.start(Tried(passed=False))
+    assert not readiness.able(0.1)
+    released.set()
+    assert readiness.able(30)
+    readiness.stop(30)
+
+
 def test_every_operation_offers_an_example(operations: Mapping[str, Any]) -> None:
     for operation in operations.values():
         assert example(operation) is not None, f"{operation.name} cannot be warmed up"

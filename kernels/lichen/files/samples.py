@@ -14,6 +14,8 @@ from lichen.memory import Array, aligned, aligned_empty
 
 _BLOCK = 1 << 16
 """Samples handled at a time, so that all passes over them stay in cache."""
+_LOOK = 1 << 20
+"""Samples whose range is found at a time."""
 _SHIFT = np.float32(3 << 22)
 
 
@@ -32,11 +34,18 @@ def to_floats(samples: Array) -> Array:
 
 def extent_of(samples: Array) -> Extent | None:
     """The range of what `to_floats` makes of integers, found on these, which are a quarter or half as many bytes; None
-    of floats."""
+    of floats. Where both ends of what they can be have been met, nobody need look further."""
     if samples.dtype.kind != "u":
         return None
-    low, high = (np.float32(each) / np.float32(np.iinfo(samples.dtype).max) for each in (samples.min(), samples.max()))
-    return Extent(float(low), float(high), 0)
+    flat, largest = samples.reshape(-1), int(np.iinfo(samples.dtype).max)
+    low, high = largest, 0
+    for start in range(0, flat.size, _LOOK):
+        block = flat[start : start + _LOOK]
+        low, high = min(low, int(block.min())), max(high, int(block.max()))
+        if (low, high) == (0, largest):
+            break
+    darkest, brightest = (float(np.float32(each) / np.float32(largest)) for each in (low, high))
+    return Extent(darkest, brightest, 0)
 
 
 def to_storage(pixels: Array, storage: Storage) -> tuple[Array, int, int]:

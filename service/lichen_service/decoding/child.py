@@ -65,6 +65,8 @@ def _decode(asked: dict[str, object], descriptor: int, place: _Place) -> dict[st
         with messages.mapped(descriptor, int(asked["count"])) as data, memoryview(data) as view:  # type: ignore[call-overload]
             try:
                 format = recognise(view)
+                if not format.places:
+                    place.window.close()  # its pages count as memory that a decoder uses
                 with _closed(format.modules):
                     header = format.header(view, str(asked.get("select", "")))
                     samples = np.ascontiguousarray(format.samples(view, header, place.allocate))
@@ -87,13 +89,14 @@ class _Place:
     def __init__(self) -> None:
         self.room = messages.Room("samples")
         self._array: Array | None = None
+        self.window = messages.Window()
 
     def allocate(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> Array:
         kind = np.dtype(dtype)
         count = math.prod(shape) * kind.itemsize
         self.room.make(count)
         try:
-            self._array = np.frombuffer(messages.mapped(self.room.descriptor, count), kind).reshape(shape)
+            self._array = np.frombuffer(self.window.mapped(self.room.descriptor, count), kind).reshape(shape)
         except OSError:
             raise MemoryError from None
         return self._array

@@ -69,6 +69,7 @@ class Decoder:
     socket: socket.socket
     uses: int = 0
     given: messages.Room = field(default_factory=lambda: messages.Room("image"))
+    taken: messages.Window = field(default_factory=messages.Window)
 
     def ask(self, data: Data, asked: Mapping[str, Any], seconds: float) -> Array:
         """The samples, whose memory is the decoder's: they are gone when it is asked again. Raises `Died`, or what the
@@ -89,7 +90,7 @@ class Decoder:
             said = json.loads(packet)
             if "error" in said:
                 raise messages.error_of(said)
-            return messages.samples_of(said, descriptors[0])
+            return messages.samples_of(said, descriptors[0], self.taken)
         finally:
             for each in descriptors:
                 os.close(each)

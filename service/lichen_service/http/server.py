@@ -26,16 +26,17 @@ import pickle
 import selectors
 import signal
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from subprocess import Popen
 
 from lichen_service.http.address import UNIX, address_of, bind, url_of
 from lichen_service.http.crowd import Crowd, shared
 from lichen_service.http.limits import WireSettings
+from lichen_service.http.processes import Begun, begin
 
 FIRST_PAUSE = 0.1
 LONGEST_PAUSE = 5.0
@@ -52,18 +53,14 @@ LOOK_EVERY = 5.0
 """seconds between looks at workers where none has to show that it lives"""
 ALIVE, SPENT = b"\1", b"\2"
 """what a worker says at a beat: that its loop goes round; that it has answered what it shall, too"""
-_ENVIRONMENT = {
-    "MALLOC_ARENA_MAX": "2",
-    "PYTHONFAULTHANDLER": "1",
-    "PYDANTIC_DISABLE_PLUGINS": "__all__",  # to look for some takes 40 ms, and there are none
-}
 _SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGCHLD, signal.SIGUSR1)
 
 
-def serve(make_application: str, settings: WireSettings) -> int:
+def serve(make_application: str, settings: WireSettings, begun: Begun | None = None) -> int:
     """Serve until told to end; returns the exit status of the process.
 
     `make_application` is `module:function`, called without arguments in each worker. `settings` must be picklable.
+    `begun` is the first worker, where its process was begun already; it is not ended where none is served.
     Raises nothing for an address that cannot be taken: that is said on standard error, with status 1.
     """
     main = settings.host if settings.host.startswith(UNIX) else f"{settings.host}:{settings.port}"
@@ -75,7 +72,7 @@ def serve(make_application: str, settings: WireSettings) -> int:
             except OSError as error:
                 print(f"Lichen cannot listen on {where}: {error.strerror or error}", file=sys.stderr)
                 return 1
-        return Supervisor(listeners, make_application, settings).run()
+        return Supervisor(listeners, make_application, settings, begun).run()
 
 
 def beat(settings: WireSettings) -> float:
@@ -93,7 +90,9 @@ def resident(pid: int) -> int:
 
 @dataclass
 class _Worker:
-    process: subprocess.Popen[bytes]
+    process: Popen[bytes]
+    channel: socket.socket
+    """on which it is told what it serves"""
     ready_fd: int
     crowd: Crowd
     spare: bool = False
@@ -108,11 +107,18 @@ class _Worker:
 
 
 class Supervisor:
-    def __init__(self, listeners: Sequence[socket.socket], make_application: str, settings: WireSettings) -> None:
+    def __init__(
+        self,
+        listeners: Sequence[socket.socket],
+        make_application: str,
+        settings: WireSettings,
+        begun: Begun | None = None,
+    ) -> None:
         """A second listener is that of figures."""
+        self._begun = begun
         self._listeners = listeners
         self._maker = make_application
-        self._begin = pickle.dumps(settings)
+        self._told = pickle.dumps(settings)
         self._settings = settings
         self._workers: dict[int, _Worker] = {}
         self._starts: list[float] = [0.0] * settings.workers
@@ -216,9 +222,8 @@ class Supervisor:
 
     def _let_serve(self, worker: _Worker) -> None:
         worker.spare, worker.started = False, time.monotonic()
-        assert worker.process.stdin is not None
-        with contextlib.suppress(BrokenPipeError), worker.process.stdin:
-            worker.process.stdin.write(self._begin)
+        with contextlib.suppress(ConnectionError), worker.channel:  # it may have died before it read all
+            worker.channel.sendall(self._told)
 
     def _start(self, *, spare: bool = False) -> _Worker:
         """A worker that is told to serve next, or else loads its libraries and waits."""
@@ -226,21 +231,13 @@ class Supervisor:
         os.set_blocking(ready_fd, False)
         taken = {each.crowd.place for each in self._workers.values()}
         crowd = Crowd.at(self._crowd, min({*range(len(self._workers) + 1)} - taken))
-        before = (other_end, self._lifeline, self._crowd)
-        listeners = [listener.fileno() for listener in self._listeners]
-        process = subprocess.Popen(
-            [sys.executable, "-m", "lichen_service.http.worker", *map(str, (*before, crowd.place, *listeners))],
-            stdin=subprocess.PIPE,
-            pass_fds=(*before, *listeners),
-            env={**os.environ, **{name: os.environ.get(name, value) for name, value in _ENVIRONMENT.items()}},
-            process_group=0,  # an interrupt from the keyboard is the supervisor's to pass on
-        )
+        (process, channel), self._begun = self._begun or begin(), None
+        given = [other_end, self._lifeline, self._crowd, *(listener.fileno() for listener in self._listeners)]
+        with contextlib.suppress(ConnectionError):
+            socket.send_fds(channel, [b"\0"], given)
+            channel.sendall(pickle.dumps((self._maker, spare, crowd.place, dict(os.environ))))
         os.close(other_end)
-        assert process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):
-            process.stdin.write(pickle.dumps((self._maker, spare)))
-            process.stdin.flush()
-        worker = self._workers[process.pid] = _Worker(process, ready_fd, crowd, spare)
+        worker = self._workers[process.pid] = _Worker(process, channel, ready_fd, crowd, spare)
         self._selector.register(ready_fd, selectors.EVENT_READ, worker)
         return worker
 
@@ -324,9 +321,7 @@ class Supervisor:
                 self._hear(worker)  # what it said last
         if worker.ready_fd >= 0:
             self._hear_no_more(worker)
-        if worker.spare and worker.process.stdin is not None:
-            with contextlib.suppress(BrokenPipeError):  # it may have died before it read what its pipe still holds
-                worker.process.stdin.close()
+        worker.channel.close()
         if worker.spare and self._ends is None:
             self._spare_at = time.monotonic() + max(SPARE_AFTER, self._pause)
             return

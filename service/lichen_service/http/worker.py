@@ -1,13 +1,14 @@
 """A worker process: makes the application, then serves it on the listeners it has inherited.
 
-    python -m lichen_service.http.worker READY LIFELINE CROWD PLACE LISTENER [FIGURES]      (see server.py)
+    python -m lichen_service.http.worker      (see processes.py)
 
-All but PLACE, which is that of this worker in the crowd, are file descriptors. Standard input brings, pickled, the name
-of the application's maker and whether this worker is a spare one, which loads its libraries then; and the settings, at
-which serving begins: of a spare worker that may be much later, or never. READY gets a byte once requests can be
-answered, and one at each beat as long as the loop goes round, which also says whether this worker has answered as many
-requests as it shall. LIFELINE is readable only when the supervisor has died; the worker then ends too. SIGTERM drains,
-SIGUSR1 prints the stacks of all threads to standard error.
+Standard input is a socket. It brings the descriptors READY, LIFELINE, CROWD, LISTENER and, where figures are had apart,
+FIGURES; pickled, the name of the application's maker, whether this worker is a spare one, which loads its libraries
+then, its place in the crowd, and the environment; and the settings, at which serving begins: of a spare worker that may
+be much later, or never. READY gets a byte once requests can be answered, and one at each beat as long as the loop goes
+round, which also says whether this worker has answered as many requests as it shall. LIFELINE is readable only when the
+supervisor has died; the worker then ends too. SIGTERM drains, SIGUSR1 prints the stacks of all threads to standard
+error.
 
 Who asks for figures, at FIGURES, is served by a loop and a thread of their own: figures can be had when every place is
 taken, and until the very end.
@@ -52,31 +53,36 @@ COLLECT = (7000, 10, 30)
 it would, since all threads stand still meanwhile, for 30 to 60 ms at the last. Nothing large hangs in a cycle here."""
 QUEUE_OF_FIGURES, CONNECTIONS_OF_FIGURES = 16, 64
 """at the address of figures"""
+MOST_DESCRIPTORS = 8
 
 
-def run(
-    ready_fd: int, lifeline_fd: int, crowd_fd: int, place: int, listener_fd: int, figures_fd: int | None = None
-) -> NoReturn:
+def run() -> NoReturn:
     faulthandler.enable()
     faulthandler.register(signal.SIGUSR1, all_threads=True)
     sys.setswitchinterval(SWITCH_INTERVAL)
-    maker, spare = cast("tuple[str, bool]", pickle.load(sys.stdin.buffer))
-    if spare:
-        prepare(maker)
+    gc.disable()  # what is loaded stays, and it is a twentieth of the time to look through it meanwhile
     try:
-        settings = cast("WireSettings", pickle.load(sys.stdin.buffer))
-    except EOFError:  # the supervisor is gone, and needs no spare
+        with socket.socket(fileno=os.dup(sys.stdin.fileno())) as channel, channel.makefile("rb") as told:
+            _, descriptors, _, _ = socket.recv_fds(channel, 1, MOST_DESCRIPTORS, socket.MSG_CMSG_CLOEXEC)
+            maker, spare, place, environment = cast("tuple[str, bool, int, dict[str, str]]", pickle.load(told))
+            os.environ.update(environment)
+            if spare:
+                prepare(maker)
+            settings = cast("WireSettings", pickle.load(told))
+    except EOFError:  # the supervisor is gone, or needs none
         os._exit(0)
+    ready_fd, lifeline_fd, crowd_fd, listener_fd, *figures_fds = descriptors
     application = make(maker)
     with socket.socket(fileno=listener_fd) as listener:
         loop = Loop(listener, application, settings, crowd=Crowd.at(crowd_fd, place))
         loop.reactor.wake_on_signals()
         signal.signal(signal.SIGTERM, lambda *_: loop.stop())
         loop.reactor.watch(lifeline_fd, READ, lambda _mask: _orphaned(loop, lifeline_fd))
-        if figures_fd is not None:
-            _tell_figures(socket.socket(fileno=figures_fd), application, settings)
+        for each in figures_fds:
+            _tell_figures(socket.socket(fileno=each), application, settings)
         gc.freeze()  # what is loaded stays; to look through it again and again stops all threads each time, for 0.1 s
         gc.set_threshold(*COLLECT)
+        gc.enable()
         _show_life(loop, ready_fd, beat(settings), settings.worker_requests)
         drained = loop.run()
     if drained:
@@ -110,7 +116,6 @@ def _show_life(loop: Loop, ready_fd: int, every: float, requests: int) -> None:
     Which number it is differs, so that those that have begun together do not end together."""
     most = requests * random.uniform(*SPREAD) if requests else math.inf
     os.set_blocking(ready_fd, False)
-    os.set_inheritable(ready_fd, False)  # its end tells that this process has ended
 
     def show() -> None:
         with contextlib.suppress(OSError):  # the supervisor has not read for long, or has gone
@@ -130,4 +135,4 @@ def _orphaned(loop: Loop, lifeline_fd: int) -> None:
 
 
 if __name__ == "__main__":
-    run(*map(int, sys.argv[1:]))
+    run()

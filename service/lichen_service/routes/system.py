@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import re
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
@@ -102,8 +103,10 @@ def _build() -> str:
     return found.hexdigest()[:16]
 
 
-def _version_of(distribution: str) -> str | None:
+def _version_of(name: str) -> str | None:
+    """As `importlib.metadata.version`, without reading the description of the package as a message, line by line."""
     try:
-        return version(distribution)
+        found = re.search(r"^Version: (.+)$", distribution(name).read_text("METADATA") or "", re.MULTILINE)
     except PackageNotFoundError:
         return None
+    return found and found[1]

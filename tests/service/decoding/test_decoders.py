@@ -78,6 +78,7 @@ def test_pictures_stay_when_their_decoder_decodes_others(pool: Decoders, monkeyp
     monkeypatch.setattr(messages, "KEPT", 4096)
     sizes = (9, 90, 5, 30)
     images = [picture(size, size, storage=Storage.FLOAT32) for size in sizes] + [picture(size, size) for size in sizes]
+    images += [images[-1].replace(pixels=1 - images[-1].pixels), images[-1], images[-2], images[-1]]
     sent = [bytes(encode(image, "exr" if at < 4 else "jpeg").data) for at, image in enumerate(images)]
     decoded = [pool.decode(data, limits=LIMITS) for data in sent]
     for data, image in zip(sent, decoded, strict=True):
