@@ -16,7 +16,6 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -106,6 +105,8 @@ def boxes_opencl(device: Device, pixels: Array, down: Boxes, across: Boxes, bord
 
 def boxes_numpy(pixels: Array, down: Boxes, across: Boxes, border: Border, value: float) -> Array:
     """The same with OpenCV's running means: an extended box is a mean of two boxes."""
+    import cv2  # slow to load, and no device needs it
+
     for axis, made in ((0, down), (1, across)):
         lines = np.moveaxis(pixels, axis, 0)
         size, reach = len(lines), made.reach

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import as_strided
@@ -158,6 +157,8 @@ def both_axes(
 
 def separable_numpy(image: Image, down: Vector, across: Vector, border: Border, value: float) -> Array:
     """The same with OpenCV's loops: the image is continued by our borders, of which OpenCV lacks some."""
+    import cv2  # slow to load, and no device needs it
+
     pixels = image.pixels
     for axis, weights in ((0, down), (1, across)):
         lines = np.moveaxis(pixels, axis, 0)

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -243,6 +242,8 @@ def correlate_numpy(image: Image, stencil: Stencil, border: Border, value: float
 
 def correlated(pixels: Array, stencil: Stencil, border: Border, value: float) -> Array:
     """float32, or float64 where `pixels` is that; without a transform."""
+    import cv2  # slow to load, and no device needs it
+
     height, width, _ = pixels.shape
     out = np.full(pixels.shape, stencil.bias, pixels.dtype)
     wide = min(stencil.taps.shape[1], FEW)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from lichen.memory import Array
@@ -38,6 +37,8 @@ def spline(source: Source) -> tuple[Source, int]:
     The recursion's response is cut after `TAIL` samples, where it is 7e-10: a NaN spoils no more than those around it.
     Periodic borders need no more than the image; the others are filtered with what lies beyond them.
     """
+    import cv2  # slow to load, and no device needs it
+
     around = TAIL if source.border in (Border.CONSTANT, Border.CLAMP, Closed.RING) else 0
     far = around + TAIL
     wide = source.extended((far, far), (far, far)).astype(np.float32)
