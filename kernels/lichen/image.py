@@ -117,11 +117,6 @@ class Image:
         """Range and count of non-finite values over all channels; one pass over the pixels, kept."""
         return measure_extent(self.pixels)
 
-    @property
-    def told(self) -> Extent | None:
-        """`extent`, where it was asked for before: what is made on the way to a result is not worth measuring."""
-        return self.__dict__.get("extent")
-
     def replace(self, **changes: Any) -> Image:
         """A copy with some fields changed; a changed `pixels` is measured again."""
         return dataclasses.replace(self, **changes)

@@ -128,6 +128,10 @@ def _opencv_morphology(cv2: Any, inputs: Inputs, p: Any) -> Job:
     return _opencv(inputs, p, cv2, lambda x, y, border: step(x, block, dst=y, borderType=border))
 
 
+def _plain_median(p: Any) -> bool:
+    return p.size > 1 and p.missing == "spread"
+
+
 def _skimage_median(filters: Any, inputs: Inputs, p: Any) -> Job:
     pixels, window = inputs["image"].pixels, np.ones((p.size, p.size, 1))
     mode = _SKIMAGE_BORDERS[p.border]
@@ -249,10 +253,10 @@ PEERS = (
         "cv2",
         "opencv-python-headless",
         "morphology",
-        lambda p: _odd(p) and p.step in ("dilate", "erode"),
+        lambda p: _odd(p) and p.missing == "spread" and p.step in ("dilate", "erode"),
         _opencv_morphology,
     ),
-    Peer("scikit-image median", "skimage.filters", "scikit-image", "median", lambda p: p.size > 1, _skimage_median),
+    Peer("scikit-image median", "skimage.filters", "scikit-image", "median", _plain_median, _skimage_median),
     Peer("OpenCV transform", "cv2", "opencv-python-headless", "matrix", lambda p: len(p.matrix) == 3, _opencv_matrix),
     Peer("OpenImageIO colorconvert", "OpenImageIO", "OpenImageIO", "transfer", _plain_srgb, _oiio_srgb),
     Peer("colour-science sRGB", "colour.models", "colour-science", "transfer", _plain_srgb, _colour_srgb),

@@ -2,10 +2,10 @@
 // registers, and joined again. stages.py and coordinates.py define the steps and say where they come from.
 //
 // What bounds it is arithmetic, with polynomials too: of 2048 x 2048 pixels on two Zen 3 cores sRGB to PQ takes
-// 8.1 ms at degree 5, where a copy takes 5.0; 9.0 where signs and what lies beyond the polynomials are looked for, which
-// is computed out of line, and 9.6 with planes one after the other too. The twelve roots of sixteen pixels keep one port
-// for 60 cycles. Asking for lines 384 to 1536 floats ahead changed nothing, nor did two loops over 4 to 16 sixteens, one
-// up to the matrix and one from there.
+// 8.5 ms at degree 5, where a copy takes 5.1, and 9.9 with planes one after the other. What lies beyond the polynomials
+// or below zero is looked for in all planes at once and computed out of line, and the twelve roots of sixteen pixels keep
+// one port for 60 cycles. Asking for lines 384 to 1536 floats ahead changed nothing, nor did two loops over 4 to 16
+// sixteens, one up to the matrix and one from there.
 //
 // Definitions given at build time, beside those of planes.clh:
 //   PATH    the steps as calls, each with the place of its numbers in k and with how many planes there are
@@ -128,24 +128,9 @@ STEP void polynomials(float16 *v, global const float *k, int planes, int roots, 
     EACH_PLANE(c, planes) v[c] = odd ? as_float16(as_int16(y[c]) ^ (as_int16(v[c]) & (int)0x80000000)) : y[c];
 }
 
-// Whether any lane of any plane lies beyond the polynomials' top, or is NaN.
-STEP bool beyond(const float16 *v, global const float *k, int planes)
-{
-    int16 most = as_int16(fabs(v[0]));
-#pragma unroll
-    for (int c = 1; c < planes; c++) {
-        int16 size = as_int16(fabs(v[c]));
-        most = size > most ? size : most;
-    }
-    return mask_any(most > as_int(k[0]));
-}
-
-// Where every sample is known to lie above minus the end of the straight start and below the top.
-#define INSIDE(exact, k, planes, roots, shift, degree) polynomials(v, k, planes, roots, shift, degree, 0);
-
 #define FITTED(exact, k, planes, roots, shift, degree)                  \
-    if (!beyond(v, k, planes))                                          \
-        polynomials(v, k, planes, roots, shift, degree, 1);             \
+    if (fitted_all(v, planes, (k)[0]))                                  \
+        polynomials(v, k, planes, roots, shift, degree, 0);             \
     else {                                                              \
         float16 w[4];                                                   \
         int16 far[4];                                                   \

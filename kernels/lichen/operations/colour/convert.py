@@ -264,8 +264,6 @@ def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Arra
     source, target = _models(p, image.space)
     numbers: list[float] = []
     calls, planes, alike = [], source.channels, 1
-    told = image.told
-    intervals: list[Interval] = [(told.low, told.high)] * planes if told else []
     for step in _steps(p, image.space, degree):
         if alike > 1 and isinstance(step, Linear | Mixed):
             calls.append(_repeated(alike))
@@ -277,12 +275,10 @@ def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Arra
             planes = len(rows) // alike
         elif isinstance(step, Fitted):
             layout = f"{step.found.roots}, {step.found.shift}, {step.found.degree}"
-            form = "INSIDE" if told and not told.nonfinite and step.plain(intervals) else "FITTED"
-            calls.append(f"{form}({step.exact.name}, (k + {len(numbers)}), {planes}, {layout})")
+            calls.append(f"FITTED({step.exact.name}, (k + {len(numbers)}), {planes}, {layout})")
         else:
             calls.append(f"{step.name}(v, k + {len(numbers)}, {planes});")
         numbers += step.numbers
-        intervals = step.intervals(intervals) if told else []
     calls.append(_repeated(alike))
     pixels = image.height * image.width
     origin = aligned(image.pixels)

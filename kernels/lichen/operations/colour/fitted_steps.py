@@ -94,12 +94,6 @@ class Fitted:
         """Whether the polynomials reach far enough."""
         return all(size(each) <= self.found.top for each in given)
 
-    def plain(self, given: Sequence[Interval]) -> bool:
-        """Whether they make all values as they are: the straight start goes on below zero to minus its end. What steps
-        before this one err is less than what the last piece reaches beyond the top."""
-        knee = self.foot.knee
-        return all((low >= 0 or low > -knee) and high <= self.found.top for low, high in given)
-
 
 @lru_cache(maxsize=256)
 def _swing(curve: Scalar, far: float) -> float:

@@ -10,8 +10,7 @@
 //   SHIFTED   1 where k[OFFSET] is to be added, else 0
 //   CLAMPED   0 where negative values are mirrored, 1 where they are no light
 //   DEGREE    0, or that of the body as polynomials (fitted.clh), with
-//   ROOTS, SHIFTED_BITS   of its places, and
-//   INSIDE    1 where no sample lies beyond the polynomials' top, or where a sign would have to be taken off and put back
+//   ROOTS, SHIFTED_BITS   of its places
 //   COVERAGE  0, or the number of channels, of which the last is coverage and passes as it is
 //
 // The numbers of a form arrive in `k`, in the order of transfer.clh.
@@ -52,7 +51,7 @@ kernel void table(global const float *restrict in, global float *restrict out, g
     ulong at = get_global_id(0) * (ulong)WIDTH;
     if (at >= samples)
         return;
-    float16 x = flat_load(in, at, samples), far = moved(x, k), a = distance(far, k);
-    float16 y = ended(far, a, looked_up(a, k, nodes, first, last, shift), k);
+    float16 x = flat_load(in, at, samples), far = moved(x, k), a = distance(far);
+    float16 y = ended(far, a, looked_up(a, k, nodes, first, last, shift), k, !CLAMPED);
     flat_store(flat_keep_coverage(y, x, at), out, at, samples);
 }

@@ -237,8 +237,7 @@ def _stage(p: Parameters, facts: InputFacts, degree: int = 0) -> Stage | None:
     if p.curve not in WHOLE or isinstance(p.gamma, tuple):
         return None
     numbers = tuple(map(float, constants(form(p), degree)))
-    defines = definitions(form(p), p.clamped, degree, facts["image"].extent)
-    return Stage("tone/transfer_stage.clh", defines, numbers, numbers)
+    return Stage("tone/transfer_stage.clh", definitions(form(p), p.clamped, degree), numbers, numbers)
 
 
 @transfer.method(

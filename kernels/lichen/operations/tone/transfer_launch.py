@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lichen.image import Alpha, Extent, Image
+from lichen.image import Alpha, Image
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operations.tone import curves
@@ -69,11 +69,8 @@ def _body(shape: Form) -> str:
     return "power_of_sum" if shape.lift else "sum_of_power"
 
 
-def definitions(
-    shape: Form, clamped: bool, degree: int = 0, extent: Extent | None = None
-) -> dict[str, int | float | str]:
-    """What a curve's text is built with, for samples of an extent. PQ's signal of no light is not 0, so its zero must
-    have no sign."""
+def definitions(shape: Form, clamped: bool, degree: int = 0) -> dict[str, int | float | str]:
+    """What a curve's text is built with. PQ's signal of no light is not 0, so its zero must have no sign."""
     found = fitted(shape, degree) if degree else None
     return {
         "BODY": _body(shape),
@@ -85,15 +82,7 @@ def definitions(
         "DEGREE": found.degree if found else 0,
         "ROOTS": found.roots if found else 0,
         "SHIFTED_BITS": found.shift if found else 0,
-        "INSIDE": int(found is not None and extent is not None and _inside(shape, clamped, found, extent)),
     }
-
-
-def _inside(shape: Form, clamped: bool, found: Fit, extent: Extent) -> bool:
-    """Whether polynomials and toe make all samples as they are. A straight toe goes on below zero to minus the knee."""
-    low, straight = extent.low + shape.shift, shape.toe == "linear" and not clamped
-    above = low >= 0 or (straight and low > -shape.knee)
-    return above and extent.high + shape.shift <= found.top and not extent.nonfinite
 
 
 def launch(
@@ -104,7 +93,7 @@ def launch(
     source = aligned(image.pixels)
     out = aligned_empty(source.shape)
     coverage = image.channels if image.alpha is not Alpha.NONE else 0
-    defines = {**definitions(shape, clamped, degree, image.told), "COVERAGE": coverage}
+    defines = {**definitions(shape, clamped, degree), "COVERAGE": coverage}
     samples = source.size
     with device.session() as session:
         session.launch(

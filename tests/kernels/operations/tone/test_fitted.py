@@ -52,8 +52,8 @@ NEIGHBOURS = {
 @pytest.mark.parametrize("low", [0.0, -0.003, -0.1])
 @pytest.mark.parametrize("name", NEIGHBOURS)
 def test_neighbours_do_not_matter(name: str, low: float, device: str) -> None:
-    """What lies beyond the polynomials is computed for its own lane alone, and NaN stays there. Where all samples are
-    known to lie where polynomials and the straight start hold, and no sign is looked for, the bits are the same."""
+    """What lies beyond the polynomials is computed for its own lane alone, and NaN stays there. Samples among which none
+    has a sign or lies beyond them are taken another way, to the same bits."""
     operation, asked = NEIGHBOURS[name]
     pixels = low + (1 - low) * np.random.default_rng(2).random((8, 40, 3), dtype=np.float32)
     pixels[0, 0] = low, 0.0, 1.0
