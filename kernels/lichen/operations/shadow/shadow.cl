@@ -44,11 +44,7 @@ typedef long8 mask8;
 
 typedef struct { real8 x, y, z; } triple;
 typedef struct { real8 u, v, z, quantum, along, facing, right, down; } receiver;
-typedef struct {
-    global const float *restrict pixels;
-    global const double *restrict n;
-    int width, height;
-} light_map;
+typedef struct { global const float *restrict pixels; global const double *restrict n; int width, height; } light_map;
 
 // Eight triples of floats; after the last, zeros.
 FN void triples(global const float *restrict in, int count, float8 *x, float8 *y, float8 *z)
@@ -111,7 +107,6 @@ FN real8 dot_of(global const double *restrict a, triple p)
 }
 
 #if KIND < 4 || TERMS
-
 // Planar depths of texels, and the step that they are stored in.
 FN double8 depths(light_map map, double8 i, double8 j, double8 *step)
 {

@@ -52,7 +52,7 @@ NEIGHBOURS = {
 @pytest.mark.parametrize("low", [0.0, -0.003, -0.1])
 @pytest.mark.parametrize("name", NEIGHBOURS)
 def test_neighbours_do_not_matter(name: str, low: float, device: str) -> None:
-    """What lies beyond the polynomials is computed for its own lane alone, and NaN stays there. Samples among which none
+    """What lies beyond the polynomials is computed for its own lane alone, and NaN stays there. Samples of which none
     has a sign or lies beyond them are taken another way, to the same bits."""
     operation, asked = NEIGHBOURS[name]
     pixels = low + (1 - low) * np.random.default_rng(2).random((8, 40, 3), dtype=np.float32)
