@@ -129,7 +129,7 @@ def _opencv_morphology(cv2: Any, inputs: Inputs, p: Any) -> Job:
 
 
 def _plain_median(p: Any) -> bool:
-    return p.size > 1 and p.missing == "spread"
+    return bool(p.size > 1 and p.missing == "spread")
 
 
 def _skimage_median(filters: Any, inputs: Inputs, p: Any) -> Job:
