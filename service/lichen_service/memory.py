@@ -31,7 +31,7 @@ def to_run(result: Facts) -> int:
 
 KEPT_OF = 1 / 4
 """of the memory that requests may take, kept for those that follow"""
-IDLE = 10.0
+IDLE = 60.0
 """Seconds without a request after which no more is kept than the library keeps by itself."""
 
 
