@@ -92,7 +92,7 @@ def computed(
     def observed(node: Node, inputs: Inputs, pixels: Array) -> None:
         if node.operation.finds:
             started = time.perf_counter()
-            findings[node.name] = node.operation.find(inputs, node.parameters, pixels)
+            findings[node.name] = node.operation.find(inputs, node.parameters, pixels, device)
             timing["findings"] = timing.get("findings", 0.0) + time.perf_counter() - started
 
     return walk(plan.graph, sources, timed, observed), findings

@@ -50,10 +50,6 @@ REASONS: dict[str, str] = {
         "in floats, for every pixel."
     ),
     "composite, over, RGBA": "Both read two pictures and write one at what memory gives; planning counts beside that.",
-    "compare, RGB, 1024 px": (
-        "It is NumPy, in one pass over blocks. Beside what the peer finds it sorts the largest differences for their "
-        "99.9th percentile, and keeps all sums in doubles."
-    ),
     "lic, rk4, step 1, 1024 px": (
         "The peer walks from pixel to pixel through constant directions, one look at the field for each; Runge-Kutta "
         "interpolates it four times a step."

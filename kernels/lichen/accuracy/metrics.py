@@ -97,7 +97,7 @@ def totals(pixels: Array, truth: Array, alpha: Alpha = Alpha.NONE) -> Totals:
     if pixels.shape != truth.shape:
         raise ValueError(f"shapes differ: {pixels.shape} and {truth.shape}")
     made, exact = (each.reshape(-1, each.shape[-1]) for each in (pixels, truth))
-    bound = _bound(made, exact, alpha)
+    bound = high_bound(made, exact, alpha)
     mismatched = count = 0
     largest = total = squares = 0.0
     high: list[Array] = []
@@ -112,9 +112,10 @@ def totals(pixels: Array, truth: Array, alpha: Alpha = Alpha.NONE) -> Totals:
         high.append(taken[taken > bound])
     if not count:
         return Totals(0.0, 0.0, 0.0, 0.0, mismatched)
-    p999 = _quantile(np.concatenate(high), count, bound)
+    kept = np.concatenate(high)
+    p999 = quantile(kept, count, bound, count - kept.size if bound == 0.0 else 0)
     if p999 is None:
-        p999 = float(np.quantile(_taken(deviations(made, exact, alpha)[0])[0], SHARE))
+        p999 = whole_quantile(made, exact, alpha)
     return Totals(largest, p999, math.sqrt(squares / count), total / count, mismatched)
 
 
@@ -128,8 +129,9 @@ def _taken(apart: Array) -> tuple[Array, float]:
     return flat, total
 
 
-def _bound(made: Array, exact: Array, alpha: Alpha) -> float:
-    """What about one difference in a hundred exceeds, by a sample of the pixels; less than any where they are few."""
+def high_bound(made: Array, exact: Array, alpha: Alpha) -> float:
+    """What about one difference in a hundred exceeds, by a sample of the pixels (count, channels); less than any where
+    they are few."""
     if made.size < 8 * BLOCK:
         return -1.0
     stride = made.size // BLOCK
@@ -137,17 +139,23 @@ def _bound(made: Array, exact: Array, alpha: Alpha) -> float:
     return float(np.quantile(taken, 0.99)) if taken.size else -1.0
 
 
-def _quantile(high: Array, count: int, bound: float) -> float | None:
-    """The quantile of `count` differences of which `high` are those above the bound; None if it is not among them."""
+def quantile(high: Array, count: int, bound: float, equal: int) -> float | None:
+    """The `SHARE` quantile of `count` differences of which `high` are those above the bound, and `equal` are the bound;
+    None if it is not among them."""
     place = (count - 1) * SHARE
     low, part = int(place), place - int(place)
     least = count - high.size
-    if low >= least:
-        at = low - least
-        ranked = np.partition(high, [at, min(at + 1, high.size - 1)])
-        first, second = float(ranked[at]), float(ranked[min(at + 1, high.size - 1)])
-        return first + (second - first) * part
-    return 0.0 if bound == 0.0 and low + 1 < least else None
+    if low < least - equal:
+        return None
+    ranks = [each - least for each in (low, min(low + 1, count - 1))]
+    ranked = np.partition(high, [max(each, 0) for each in ranks]) if ranks[1] >= 0 else high
+    first, second = (float(ranked[each]) if each >= 0 else bound for each in ranks)
+    return first + (second - first) * part
+
+
+def whole_quantile(made: Array, exact: Array, alpha: Alpha) -> float:
+    """The same of all differences at once."""
+    return float(np.quantile(_taken(deviations(made, exact, alpha)[0])[0], SHARE))
 
 
 def deviations(pixels: Array, truth: Array, alpha: Alpha = Alpha.NONE) -> tuple[Array, int]:

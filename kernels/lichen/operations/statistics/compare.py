@@ -54,6 +54,7 @@ from lichen.operation import (
     Rate,
     halo,
 )
+from lichen.operations.statistics.differences import figures, worthwhile
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -249,18 +250,39 @@ class Exact:
 def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
     """The figures of the accuracy engine that are asked for."""
     image = inputs["image"]
-    found = metrics.totals(image.pixels, inputs["reference"].pixels, image.alpha)
+    return _found(metrics.totals(image.pixels, inputs["reference"].pixels, image.alpha), {}, inputs, p, pixels)
+
+
+def _found(
+    totals: metrics.Totals, known: Mapping[Metric, Figures], inputs: Inputs, p: Parameters, pixels: Array
+) -> Mapping[str, Any]:
+    """All of them, of which some are known."""
     return {
-        **found._asdict(),
-        "psnr_db": metrics.psnr_of(found, p.peak),
+        **totals._asdict(),
+        "psnr_db": metrics.psnr_of(totals, p.peak),
         **{
             name: value
             for each in sorted({*p.metrics, *_MAPPED[p.map]})
-            for name, value in _FIGURES[each](inputs, p, pixels)
+            for name, value in (known[each] if each in known else _FIGURES[each](inputs, p, pixels))
         },
     }
 
 
+def _find_on(device: Device, inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
+    image, reference = inputs["image"], inputs["reference"]
+    if not worthwhile(device, image, reference):
+        return findings(inputs, p, pixels)
+    wanted = {name: each in p.metrics for name, each in (("codes", Metric.CODES), ("ulps", Metric.ULPS))}
+    found = figures(device, image, reference.pixels, p.margin if Metric.REGIONS in p.metrics else 0, **wanted)
+    known: dict[Metric, Figures] = {
+        Metric.REGIONS: (("border", found.border), ("inside", found.inside)),
+        Metric.CODES: (("codes", found.codes),),
+        Metric.ULPS: (("ulps", found.ulps),),
+    }
+    return _found(found.totals, known, inputs, p, pixels)
+
+
+compare.find_on = _find_on
 Figures = Iterable[tuple[str, Any]]
 
 

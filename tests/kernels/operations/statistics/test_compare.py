@@ -13,6 +13,8 @@ import lichen
 from lichen.accuracy.colour import flip
 from lichen.errors import InvalidRequest
 from lichen.image import Alpha, Image, Space
+from lichen.memory import Array
+from lichen.operations.statistics import differences
 
 BACKENDS = ("opencl", "numpy")
 RNG = np.random.default_rng(9)
@@ -107,3 +109,59 @@ def test_flaws_are_named() -> None:
         "/inputs/reference",
         "/parameters/map",
     ]
+
+
+def _codes(wide: int) -> Array:
+    """Of 8 bits, so that many differences are alike."""
+    return RNG.integers(100, 102, (400, wide, 3)).astype(np.float32) / np.float32(255)
+
+
+def _spoilt() -> tuple[Array, Array]:
+    first, second = RNG.random((2, 500, 203, 3), dtype=np.float32)
+    first[5, 7, 1] = second[5, 7, 1] = np.nan
+    first[499, 202, 2], second[9, 9, 0], second[0, 0, 0] = np.inf, -np.inf, 1e30
+    first[4], second[3] = 1e-42, 0
+    return first, second
+
+
+def _apart_in_few_places() -> tuple[Array, Array]:
+    """All in one corner, which a sample of the pixels takes for more or for fewer than there are."""
+    first = np.full((600, 601, 1), 0.5, np.float32)
+    second = first.copy()
+    second[:19, :37, 0] += RNG.random((19, 37), dtype=np.float32) / 8
+    return first, second
+
+
+@pytest.mark.parametrize(
+    ("pictures", "alpha"),
+    [
+        (tuple(RNG.random((2, 331, 401, 3), dtype=np.float32)), Alpha.NONE),
+        ((_codes(301), _codes(301)), Alpha.NONE),
+        (_spoilt(), Alpha.NONE),
+        (_apart_in_few_places(), Alpha.NONE),
+        (tuple(RNG.random((2, 3, 100003, 4), dtype=np.float32)), Alpha.STRAIGHT),
+        ((FIRST.repeat(10, 0).repeat(10, 1),) * 2, Alpha.NONE),
+    ],
+    ids=["noise", "codes", "spoilt", "few", "straight", "alike"],
+)
+@pytest.mark.parametrize("margin", [0, 1, 40, 250])
+def test_a_device_finds_the_same_figures(pictures: tuple[Array, Array], alpha: Alpha, margin: int) -> None:
+    first, second = (Image(each, Space.SRGB, alpha) for each in pictures)
+    made, exact = (
+        lichen.run("compare", first, reference=second, margin=margin, device=backend).findings for backend in BACKENDS
+    )
+    assert made.keys() == exact.keys()
+    for name, figure in exact.items():
+        if name in ("border", "inside") and figure is not None:
+            assert made[name] == pytest.approx(figure, rel=1e-12)
+        elif name in ("rms", "mean", "psnr_db"):
+            assert made[name] == pytest.approx(figure, rel=1e-12, nan_ok=True)
+        else:
+            assert made[name] == figure, name
+
+
+def test_what_the_device_keeps_is_ranked_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many differences that are the bound need no second pass either."""
+    monkeypatch.setattr(differences, "whole_quantile", lambda *given: pytest.fail("all differences are ranked"))
+    found = lichen.run("compare", _codes(301), reference=_codes(301), device="opencl").findings
+    assert found["p999"] == found["largest"] > 0
