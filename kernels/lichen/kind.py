@@ -16,6 +16,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
+_NAMES, _NUMBERS = (str, bool), (int, float)
+
 
 def kind(parameters: BaseModel, inputs: Iterable[str]) -> str:
     """A few letters that stand for it."""
@@ -31,6 +33,6 @@ def _letters(told: tuple[tuple[str, str | bool | None], ...], inputs: tuple[str,
 
 def _shape(value: Any) -> str | bool | None:
     """What is left of a value without its amount."""
-    if value is None or isinstance(value, str | bool):
+    if value is None or isinstance(value, _NAMES):
         return value
-    return bool(value) if isinstance(value, int | float) else type(value).__name__
+    return bool(value) if isinstance(value, _NUMBERS) else type(value).__name__

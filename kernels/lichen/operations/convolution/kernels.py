@@ -190,15 +190,13 @@ def _separated(taps: bytes, shape: tuple[int, int], tolerance: float) -> tuple[l
 def _unfolded(taps: bytes, shape: tuple[int, int]) -> tuple[list[tuple[Matrix, Matrix]], list[Matrix], list[float]]:
     """All products, and what the first of them leave, with its l1 norm: of none, of one, of two ..."""
     down, values, across = _decomposed(taps, shape)
-    left = [np.frombuffer(taps).reshape(shape)]
-    terms: list[tuple[Matrix, Matrix]] = []
-    for k, value in enumerate(values):
-        if value <= 1e-14 * values[0]:
-            break
-        scale = math.sqrt(value)
-        terms.append((_cleaned(down[:, k : k + 1] * scale), _cleaned(across[k : k + 1] * scale)))
-        left.append(left[-1] - terms[-1][0] * terms[-1][1])
-    return terms, left, [float(np.abs(each).sum()) for each in left]
+    count = int(np.count_nonzero(values > 1e-14 * values[0]))
+    scales = np.sqrt(values[:count])
+    columns, rows = _cleaned(down[:, :count].T * scales[:, None]), _cleaned(across[:count] * scales[:, None])
+    products = columns[:, :, None] * rows[:, None, :]
+    left = np.subtract.accumulate(np.concatenate([np.frombuffer(taps).reshape(1, *shape), products]))
+    terms = [(column[:, None], row[None, :]) for column, row in zip(columns, rows, strict=True)]
+    return terms, list(left), np.abs(left).sum(axis=(1, 2)).tolist()
 
 
 @lru_cache(16)
@@ -208,7 +206,8 @@ def _decomposed(taps: bytes, shape: tuple[int, int]) -> tuple[Matrix, Matrix, Ma
     return down, values, across
 
 
-def _cleaned(vector: Matrix) -> Matrix:
-    """Without what the decomposition leaves where there is a zero."""
-    cleaned: Matrix = np.where(np.abs(vector) < 1e-14 * np.abs(vector).max(), 0.0, vector)
+def _cleaned(vectors: Matrix) -> Matrix:
+    """Each row without what the decomposition leaves where there is a zero."""
+    sizes = np.abs(vectors)
+    cleaned: Matrix = np.where(sizes < 1e-14 * sizes.max(axis=1, keepdims=True), 0.0, vectors)
     return cleaned

@@ -25,6 +25,7 @@ from pydantic import Field
 
 from lichen.image import Alpha, Image
 from lichen.memory import Array, aligned, aligned_empty
+from lichen.once import latest
 from lichen.operation import (
     WHOLE,
     Error,
@@ -66,6 +67,14 @@ def _channel(image: Image, channel: int) -> Image:
     return image.replace(pixels=aligned(image.pixels[..., channel : channel + 1], image.pixels.dtype), alpha=Alpha.NONE)
 
 
+@latest
+def _warps(p: Parameters, facts: InputFacts) -> list[Affine]:
+    """Of the three channels that differ."""
+    image = facts["image"]
+    return [p.of(channel, image.width, image.height) for channel in range(3)]
+
+
+@latest
 def _facts(facts: InputFacts) -> InputFacts:
     """Of one channel: no more than of all of them."""
     image = facts["image"]
@@ -153,14 +162,12 @@ def _add(name: str, told: str) -> None:
             return _by_channel(inputs, p, lambda one, warp: method.implementation.numpy(one, warp, knob), np.float32)
 
     def worst(p: Parameters, knob: float, facts: InputFacts) -> Error:
-        size = facts["image"].width, facts["image"].height
-        errors = [method.error(p.of(channel, *size), knob, _facts(facts)) for channel in range(3)]
+        errors = [method.error(warp, knob, _facts(facts)) for warp in _warps(p, facts)]
         return max(errors, key=lambda error: error.value)
 
     def work(p: Parameters, knob: float, facts: InputFacts) -> float:
-        image = facts["image"]
-        alone = _facts(facts)
-        return sum(method.work(p.of(c, image.width, image.height), knob, alone) for c in range(image.channels))
+        works = [method.work(warp, knob, _facts(facts)) for warp in _warps(p, facts)]
+        return sum(works[channel if channel < 3 else 1] for channel in range(facts["image"].channels))
 
     ByChannel.__doc__ = told
     rates = {backend: Rate(3 * rate.start, rate.step) for backend, rate in method.rates.items()}

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -101,6 +102,7 @@ class Octave:
         return max(ends, down, abs(p.z) * self.depth, abs(p.w) * scale)
 
 
+@lru_cache(maxsize=64)
 def octaves(p: LatticeParameters, lattice: Lattice) -> tuple[Octave, ...]:
     """All octaves that the definition has, those that cannot be shown too."""
     raw = [float(p.gain**k) for k in range(p.asked)]
@@ -124,6 +126,7 @@ def octaves(p: LatticeParameters, lattice: Lattice) -> tuple[Octave, ...]:
     return tuple(found)
 
 
+@lru_cache(maxsize=1024)
 def _shift(seed: int, octave: int) -> tuple[float, float, float, float]:
     """Of an octave's lattice, in cells: multiples of 2^-24."""
     a, b, c = pcg3d(seed, octave, 0x5EED)

@@ -12,12 +12,14 @@ import numpy as np
 from lichen.errors import Flaw
 from lichen.image import Alpha, Extent, Space
 from lichen.memory import Array
+from lichen.once import latest
 from lichen.operation import EXACT, ROUNDING, WHOLE, Error, Facts, Footprint, InputFacts, Knob
 from lichen.operations.streamlines.maps import Map
 from lichen.operations.streamlines.parameters import OVERSHOOT, Edge, Kernel, Parameters, Sampling, Speed
 from lichen.operations.streamlines.task import noise, noise_size
 
 
+@latest
 def texture_facts(p: Parameters, facts: InputFacts) -> Facts:
     field = facts["field"]
     rows, columns = noise_size(field.height, field.width, p)

@@ -19,7 +19,7 @@ Source: Burt and Adelson, The Laplacian pyramid as a compact image code, IEEE Tr
 from __future__ import annotations
 
 from enum import StrEnum
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from pydantic import Field
@@ -73,6 +73,7 @@ class Parameters(OperationParameters):
     value: float = Field(0.0, description="what lies beyond a constant border")
 
 
+@cache
 def taps(kernel: Halving) -> Array:
     """Symmetric weights of an even number of samples; their sum is 1."""
     if kernel is Halving.BOX:

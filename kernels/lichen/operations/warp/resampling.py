@@ -149,7 +149,7 @@ class Warp(Generic[P]):
                 return said
         largest = self.largest(p, facts)
         said = largest is None or largest > 1
-        self._told[:] = [(p, facts, said)]
+        self._told[:] = [(p, facts, said), *self._told[:2]]  # an operation may warp three channels in turn
         return said
 
     def by(self, inputs: Inputs, p: P, sampler: Sampler, source: Source | None = None) -> Doubles:
