@@ -6,6 +6,9 @@ angle), white noise, a photograph-like picture of natural statistics, the same w
 hard cases, but those with NaN or infinity: a method whose kernel is shorter than truth's rightly keeps them nearer, and
 the cases themselves say what must hold. All values of pictures but the highlights lie in [0, 1].
 
+No operation gets the same image twice, since what it makes of equal ones may be nothing: an input that would hold what
+an earlier one does holds it shifted, what leaves at one side entering at the other.
+
 Nothing is read from a file: the photograph is made by shaping noise as photographs are shaped, with amplitudes that
 fall with frequency (Field, J. Opt. Soc. Am. A 4, 1987) and a few large areas of their own brightness.
 """
@@ -52,7 +55,7 @@ def cases(operation: Operation[Any], parameters: OperationParameters, size: int)
     that need no input get none.
     """
     for content, inputs in _drawn(operation, parameters, size):
-        case = Case(content, inputs)
+        case = Case(content, _unlike(inputs))
         if not operation.check(parameters, case.facts):
             yield case
     for hard in operation.hard_cases:
@@ -77,7 +80,19 @@ def typical(operation: Operation[Any], parameters: OperationParameters, size: in
         name, inputs = "nothing", {}
     else:
         name, inputs = "smooth field", _fields(operation, parameters, "smooth field", part)
-    return Case(name, {key: _repeated(image, size) for key, image in inputs.items()})
+    return Case(name, {key: _repeated(image, size) for key, image in _unlike(inputs).items()})
+
+
+def _unlike(inputs: Inputs) -> dict[str, Image]:
+    """The inputs with those shifted that hold the same as an earlier one, further for each."""
+    made, seen = dict(inputs), list[Array]()
+    for name, image in inputs.items():
+        times = sum(np.array_equal(image.pixels, other) for other in seen)
+        seen.append(image.pixels)
+        if times:
+            down, right = (times * side // 3 for side in image.pixels.shape[:2])
+            made[name] = image.replace(pixels=aligned(np.roll(image.pixels, (down, right), (0, 1))))
+    return made
 
 
 def _repeated(image: Image, size: int) -> Image:
