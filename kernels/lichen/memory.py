@@ -95,6 +95,21 @@ class _Pool:
 _pool = _Pool(KEPT)
 
 
+class _Lent(weakref.ref[Array]):
+    """An array that is in use, and the block that it lies in."""
+
+    __slots__ = ("block",)
+    block: _Block
+
+
+_lent: dict[int, _Lent] = {}
+"""All of them: a reference that is dropped tells nobody. `weakref.finalize` would do the same in twice the time."""
+
+
+def _returned(lent: weakref.ref[Array], pool: _Pool = _pool, alive: dict[int, _Lent] = _lent) -> None:
+    pool.give(alive.pop(id(lent)).block)
+
+
 def keep(count: int) -> None:
     """Keep so many bytes for reuse at most from now on, and let go at once of what is more."""
     _pool.keep(count)
@@ -110,10 +125,12 @@ def aligned_empty(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float32) -> 
         skip = -spare.ctypes.data % ALIGNMENT
         return spare[skip : skip + count * kind.itemsize].view(kind).reshape(shape)
     block = _pool.take(size)
-    root = np.frombuffer(block.memory, np.uint8, size, block.skip)
-    # Every view keeps `root` alive, so the block returns when the last of them is gone.
-    weakref.finalize(root, _pool.give, block).atexit = False
-    return root[: count * kind.itemsize].view(kind).reshape(shape)
+    made: Array = np.ndarray(shape, kind, block.memory, block.skip)
+    # Every view keeps `made` alive, so the block returns when the last of them is gone.
+    lent = _Lent(made, _returned)
+    lent.block = block
+    _lent[id(lent)] = lent
+    return made
 
 
 def aligned(array: Array, dtype: npt.DTypeLike = np.float32) -> Array:

@@ -160,9 +160,12 @@ class Programs:
         self._lock, self._building = threading.Lock(), threading.Lock()
         self._own = threading.local()
 
-    def kernel(self, source: str, name: str, defines: Definitions) -> cl.Kernel:
-        """This thread's kernel object. Raises `DeviceFailure` naming source and kernel, with the build log."""
-        kernels: OrderedDict[object, cl.Kernel] = self._own.__dict__.setdefault("kernels", OrderedDict())
+    def kernel(self, source: str, name: str, defines: Definitions) -> tuple[cl.Kernel, int]:
+        """This thread's kernel object, and how many arguments it takes.
+
+        Raises `DeviceFailure` naming source and kernel, with the build log.
+        """
+        kernels: OrderedDict[object, tuple[cl.Kernel, int]] = self._own.__dict__.setdefault("kernels", OrderedDict())
         key = (source, name, frozenset(defines.items()))
         kernel = kernels.get(key)
         if kernel is None:
@@ -203,12 +206,13 @@ class Programs:
     def kept(self) -> int:
         return KEPT
 
-    def _create(self, source: str, name: str, defines: Definitions) -> cl.Kernel:
+    def _create(self, source: str, name: str, defines: Definitions) -> tuple[cl.Kernel, int]:
         import pyopencl as cl
 
         program = self.build(source, defines)
         try:
-            return cl.Kernel(program, name)
+            kernel = cl.Kernel(program, name)
+            return kernel, kernel.num_args
         except cl.Error as error:
             known = ", ".join(sorted(kernel.function_name for kernel in program.all_kernels()))
             raise DeviceFailure(f"{source} has no kernel {name} (it has {known}): {error}") from error

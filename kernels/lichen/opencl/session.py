@@ -158,19 +158,18 @@ class Session:
         padded = tuple(-(-size // step) * step for size, step in zip(grid, group, strict=True))
         if 0 in padded:
             return
-        built = self._device.programs.kernel(source, kernel, defines)
-        values = [self._value(argument, source, kernel, at) for at, argument in enumerate(arguments)]
-        if len(values) != built.num_args:
-            raise TypeError(f"{source}, {kernel}: takes {built.num_args} arguments, got {len(values)}")
+        built, takes = self._device.programs.kernel(source, kernel, defines)
+        if len(arguments) != takes:
+            raise TypeError(f"{source}, {kernel}: takes {takes} arguments, got {len(arguments)}")
         number = getattr(built, NUMBER, built.set_arg)
         try:
-            for at, value in enumerate(values):
-                if isinstance(value, np.generic):
-                    number(at, value)
+            for at, argument in enumerate(arguments):
+                if isinstance(argument, np.generic):
+                    number(at, argument)
                 else:
-                    built.set_arg(at, value)
+                    built.set_arg(at, self._buffer(argument, source, kernel, at))
         except cl.Error as error:
-            given = type(values[at]).__name__
+            given = type(argument).__name__
             raise DeviceFailure(f"Kernel {kernel} of {source} refuses argument {at} ({given}): {error}") from error
         try:
             if (watching := watch()) is None:
@@ -233,13 +232,13 @@ class Session:
         mapped: cl.MemoryMap = view.base
         return mapped
 
-    def _value(self, argument: Argument, source: str, kernel: str, at: int) -> cl.Buffer | np.generic | None:
+    def _buffer(self, argument: Held | Array | None, source: str, kernel: str, at: int) -> cl.Buffer | None:
+        if argument is None:
+            return None
         if isinstance(argument, Held):
             return argument.buffer
         if isinstance(argument, np.ndarray):
-            return self.read(argument).buffer
-        if argument is None or isinstance(argument, np.generic):
-            return argument
+            return self._hold(argument, needed=True).buffer
         kind = type(argument).__name__
         raise TypeError(f"{source}, {kernel}, argument {at}: {kind} has no fixed width; use a NumPy scalar or array")
 
@@ -257,12 +256,9 @@ class Session:
         key = (first, array.nbytes, array.strides)
         held = self._held.get(key)
         if held is None:
-            held = self._held[key] = self._wrap(array, first, needed)
-            try:
-                self._refuse_overlap(held, written=False)
-            except ValueError:
-                del self._held[key]
-                raise
+            held = self._wrap(array, first, needed)
+            self._refuse_overlap(held, written=False)
+            self._held[key] = held
         return held
 
     def _wrap(self, array: Array, first: int, needed: bool) -> Held:
@@ -270,13 +266,15 @@ class Session:
 
         if array.size == 0:
             raise ValueError(f"an array of shape {array.shape} holds nothing that a kernel could use")
-        memory = array
-        if not array.flags.c_contiguous or first % ALIGNMENT:
+        memory, flags = array, array.flags
+        contiguous = flags.c_contiguous
+        if not contiguous or first % ALIGNMENT:
             memory = aligned_empty(array.shape, array.dtype)
+            flags = memory.flags
             if needed:
                 memory[...] = array
-        access = cl.mem_flags.READ_WRITE if memory.flags.writeable else cl.mem_flags.READ_ONLY
-        between = any(memory is each for each in self._between)
+        access = cl.mem_flags.READ_WRITE if flags.writeable else cl.mem_flags.READ_ONLY
+        between = bool(self._between) and any(memory is each for each in self._between)
         try:
             if between and not self._device.shares_memory:
                 buffer = cl.Buffer(self._device.context, access, size=memory.nbytes)
@@ -284,7 +282,6 @@ class Session:
                 buffer = cl.Buffer(self._device.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
         except cl.Error as error:
             raise DeviceFailure(f"{self._device.name} cannot use an array of {array.nbytes} bytes: {error}") from error
-        contiguous = array.flags.c_contiguous
         low, high = (first, first + array.nbytes) if contiguous else np.lib.array_utils.byte_bounds(array)
         return Held(array, memory, buffer, low, high, fetched=not between)
 
