@@ -57,6 +57,7 @@ def _homes() -> Mapping[str, list[str]]:
     return found
 
 
-def _declared(module: str) -> Iterator[Operation[Any]]:
+@cache
+def _declared(module: str) -> tuple[Operation[Any], ...]:
     values = vars(importlib.import_module(module)).values()
-    return (value for value in values if isinstance(value, Operation))
+    return tuple([value for value in values if isinstance(value, Operation)])

@@ -129,19 +129,24 @@ def write(path: Path, text: str) -> bool:
 
 
 def folder() -> Path:
-    named = os.environ.get("LICHEN_TIMES")
-    return Path(named) if named else _usual(os.environ.get("XDG_CACHE_HOME"), os.environ.get("HOME"))
+    return _folder(*map(os.environ.get, ("LICHEN_TIMES", "XDG_CACHE_HOME", "HOME")))
 
 
 @cache
-def _usual(*surroundings: str | None) -> Path:
-    """Found once for each of the surroundings that it depends on: every plan asks for it."""
-    return platformdirs.user_cache_path("lichen") / "times"
+def _folder(named: str | None, *_surroundings: str | None) -> Path:
+    """Found once for each of the surroundings that it depends on."""
+    return Path(named) if named else platformdirs.user_cache_path("lichen") / "times"
 
 
 def path_of(backend: str) -> Path:
     """Where the rates of `backend` on this machine are kept."""
-    return folder() / f"{_name(backend)}.json"
+    return _file(folder(), backend)
+
+
+@cache
+def _file(within: Path, backend: str) -> Path:
+    """Found once, as the folder is: every plan asks for it."""
+    return within / f"{_name(backend)}.json"
 
 
 @cache
