@@ -21,12 +21,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from lichen.errors import DeviceFailure
-from lichen.memory import aligned_empty
+from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl import cache
 from lichen.opencl.programs import Definitions, Programs
-from lichen.opencl.session import Session
+from lichen.opencl.session import Held, Session, wrapped
 from lichen.processors import threads, vector_width
 
 if TYPE_CHECKING:
@@ -112,6 +113,12 @@ class Device:
         if os.getpid() != self.process:
             raise DeviceFailure(f"{self.name} cannot be used: {_FORKED}.")
         return Session(self)
+
+    def constant(self, values: Array, dtype: npt.DTypeLike = np.float32) -> Held:
+        """Values that kernels of any session read and nobody writes, for what many runs read alike: making a buffer of
+        an array takes a session 10 us. Keep it as long as a session uses it."""
+        held = aligned(values, dtype)
+        return wrapped(self, held, held.ctypes.data, needed=True)
 
     def build(self, source: str, defines: Definitions | None = None) -> None:
         """Build a program ahead of its first launch. Raises `DeviceFailure` with the build log.

@@ -82,6 +82,31 @@ Argument: TypeAlias = "Held | Array | np.generic | None"
 """What a kernel takes: an array (read), a held array, a NumPy scalar by value, or None for a null pointer."""
 
 
+def wrapped(device: Device, array: Array, first: int, *, needed: bool, between: bool = False) -> Held:
+    """An array whose first byte is `first`, as a buffer; `between` are values that only the device sees."""
+    import pyopencl as cl
+
+    if array.size == 0:
+        raise ValueError(f"an array of shape {array.shape} holds nothing that a kernel could use")
+    memory, flags = array, array.flags
+    contiguous = flags.c_contiguous
+    if not contiguous or first % ALIGNMENT:
+        memory = aligned_empty(array.shape, array.dtype)
+        flags = memory.flags
+        if needed:
+            memory[...] = array
+    access = cl.mem_flags.READ_WRITE if flags.writeable else cl.mem_flags.READ_ONLY
+    try:
+        if between and not device.shares_memory:
+            buffer = cl.Buffer(device.context, access, size=memory.nbytes)
+        else:
+            buffer = cl.Buffer(device.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
+    except cl.Error as error:
+        raise DeviceFailure(f"{device.name} cannot use an array of {array.nbytes} bytes: {error}") from error
+    low, high = (first, first + array.nbytes) if contiguous else np.lib.array_utils.byte_bounds(array)
+    return Held(array, memory, buffer, low, high, fetched=not between)
+
+
 class Session:
     """Use as a context manager; get one from `Device.session()`."""
 
@@ -262,28 +287,8 @@ class Session:
         return held
 
     def _wrap(self, array: Array, first: int, needed: bool) -> Held:
-        import pyopencl as cl
-
-        if array.size == 0:
-            raise ValueError(f"an array of shape {array.shape} holds nothing that a kernel could use")
-        memory, flags = array, array.flags
-        contiguous = flags.c_contiguous
-        if not contiguous or first % ALIGNMENT:
-            memory = aligned_empty(array.shape, array.dtype)
-            flags = memory.flags
-            if needed:
-                memory[...] = array
-        access = cl.mem_flags.READ_WRITE if flags.writeable else cl.mem_flags.READ_ONLY
-        between = bool(self._between) and any(memory is each for each in self._between)
-        try:
-            if between and not self._device.shares_memory:
-                buffer = cl.Buffer(self._device.context, access, size=memory.nbytes)
-            else:
-                buffer = cl.Buffer(self._device.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=memory)
-        except cl.Error as error:
-            raise DeviceFailure(f"{self._device.name} cannot use an array of {array.nbytes} bytes: {error}") from error
-        low, high = (first, first + array.nbytes) if contiguous else np.lib.array_utils.byte_bounds(array)
-        return Held(array, memory, buffer, low, high, fetched=not between)
+        between = bool(self._between) and any(array is each for each in self._between)
+        return wrapped(self._device, array, first, needed=needed, between=between)
 
     def _refuse_overlap(self, held: Held, *, written: bool) -> None:
         for other in self._held.values():

@@ -9,6 +9,9 @@ import numpy as np
 from lichen.planning.pipeline import INPUT
 from lichen.scene.nodes import Nodes, understood
 
+PLAIN = ("planar", "euclidean")
+"""Kinds of depth that are infinite where there is nothing."""
+
 
 def finished(nodes: Nodes, lit: str) -> str:
     """The picture of the light that surfaces send."""
@@ -69,20 +72,37 @@ def before_background(nodes: Nodes, lit: str) -> str:
     if not any(scene.background) and nodes.prune and not scene.everything_given:
         nodes.leave_out("background", "it is black, as what is not lit")
         return lit
-    where = _where(nodes)
-    if where is None:
+    if nodes.prune and _veiled(nodes):
+        nodes.leave_out("background", "fog hides whatever is infinitely far")
         return lit
     return nodes.add(
-        "background", "background", {"colour": scene.background}, {"image": lit, "depth": where}, "/background"
+        "background", "background", {"colour": scene.background}, {"image": lit, "depth": _where(nodes)}, "/background"
     )
 
 
-def _where(nodes: Nodes) -> str | None:
+def _veiled(nodes: Nodes) -> bool:
+    """Whether fog shows its colour alone where there is nothing, with the background or without: nothing comes through
+    it from there, and nothing there could spoil the colour, since lamps that know where points are leave it dark."""
+    scene = nodes.scene
+    if scene.fog is None or scene.environment is not None or any(scene.ambient) or _shines(nodes):
+        return False
+    if "depth" in scene.buffers.given and scene.camera.depth_kind not in PLAIN:
+        return False  # fog and background would see different depths
+    lamps = [step for step in nodes.steps.values() if step.operation == "lighting"]
+    return understood("fog", scene.fog, "/fog").endless and all("position" in step.inputs for step in lamps)
+
+
+def _shines(nodes: Nodes) -> bool:
+    """Whether something may shine through fog."""
+    given = nodes.scene.buffers.given
+    return "emissive" in given if given else any(each.emissive for each in nodes.scene.objects)
+
+
+def _where(nodes: Nodes) -> str:
     """What is infinite where there is nothing: positions where they are needed anyway, or depths."""
     given = nodes.scene.buffers.given
     if given:
-        plain = nodes.scene.camera.depth_kind in ("planar", "euclidean")
-        return nodes.buffer("depth" if "depth" in given and plain else "position")
+        return nodes.buffer("depth" if "depth" in given and nodes.scene.camera.depth_kind in PLAIN else "position")
     return nodes.buffer("position" if "position" in nodes.steps else "depth")
 
 
@@ -109,8 +129,7 @@ def fogged(nodes: Nodes, picture: str) -> str:
         where = nodes.buffer("distance")
         parameters |= {"depth_kind": "euclidean", "fov": scene.camera.fov}
     inputs = {"image": picture, "depth": where}
-    shines = "emissive" in given if given else any(each.emissive for each in scene.objects)
-    if shines or (not nodes.prune and not given):
+    if _shines(nodes) or (not nodes.prune and not given):
         inputs["emissive"] = nodes.buffer("emissive")
     elif nodes.prune:
         nodes.leave_out("emissive", "nothing shines through the fog")

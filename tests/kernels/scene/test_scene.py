@@ -51,6 +51,12 @@ SCENES: dict[str, dict[str, Any]] = {
         "surface": {"model": "blinn_phong", "highlight": [0.5, 0.5, 0.5]},
     },
     "by a still lens with a shutter": {**STILL, "lens": {"blur": 0}, "shutter": {}},
+    "a background that fog hides": {
+        **STILL,
+        "lights": STILL["lights"][:1],
+        "ambient": [0, 0, 0],
+        "fog": {"kind": "linear", "start": 3, "end": 9, "colour": [0.6, 0.68, 0.8]},
+    },
     "in no light at all": {**STILL, "lights": [DARK], "ambient": [0, 0, 0]},
 }
 
@@ -88,6 +94,7 @@ def test_what_is_left_out_changes_nothing(name: str) -> None:
         ({"lights": STILL["lights"][1:]}, "shadow/"),
         ({"objects": STILL["objects"][1:2]}, "shadow/"),
         ({"background": [0, 0, 0]}, "scene/background"),
+        ({"ambient": [0, 0, 0], "lights": STILL["lights"][:1], "fog": {"density": 0.1}}, "scene/background"),
         ({"ambient": [0, 0, 0]}, "arithmetic/expression"),
         ({"lights": [SPOT, DARK]}, "shadow/"),
         ({"lights": [SPOT, DARK]}, "lighting/"),
@@ -363,6 +370,42 @@ def test_what_is_no_number_in_a_buffer_stays_in_its_pixels(buffer: str) -> None:
     spoilt = ~np.isfinite(pruned.image.pixels).all(axis=-1)
     assert spoilt[20, 41]
     assert np.count_nonzero(spoilt) == 1
+
+
+FADED: dict[str, Any] = {"kind": "linear", "start": 1, "end": 6, "colour": [0.6, 0.7, 0.8]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "hides"),
+    [
+        ({}, True),
+        ({"fog": {"kind": "squared", "density": 0.2}}, True),
+        ({"fog": {**FADED, "background": "keep"}}, False),
+        ({"fog": {"kind": "layered", "heights": [0, 1], "densities": [0.5, 0]}}, False),
+        ({"ambient": [0.1, 0.1, 0.1]}, False),
+        ({"lights": [{"kind": "directional", "direction": [0, -1, 0]}]}, False),
+        ({"buffers": {"position": "p", "normal": "n", "albedo": "a", "emissive": "e"}}, False),
+    ],
+)
+def test_a_background_that_fog_hides_is_not_put_in(changes: dict[str, Any], hides: bool) -> None:
+    """Even where nothing stands, and normals and albedo are no numbers there."""
+    rng = np.random.default_rng(8)
+    given = {
+        name: rng.uniform(low, 2, (12, 20, channels)).astype(np.float32)
+        for name, low, channels in (("p", -2, 3), ("n", -2, 3), ("a", 0, 3), ("e", 0, 1))
+    }
+    given["p"][3:9, 4:15] = np.inf
+    given["n"][4], given["a"][5:7], given["a"][7] = np.nan, np.nan, np.inf
+    scene = {
+        "camera": {"eye": [0, 1, 4]}, "buffers": {"position": "p", "normal": "n", "albedo": "a"},
+        "lights": [{"kind": "point", "position": [0, 3, 0]}], "fog": FADED, "background": [0.2, 0.3, 0.4], **changes,
+    }  # fmt: skip
+    pruned, whole = (
+        lichen.render(scene, images={name: given[name] for name in scene["buffers"].values()}, prune=prune)
+        for prune in (True, False)
+    )
+    np.testing.assert_array_equal(pruned.image.pixels, whole.image.pixels)
+    assert hides == ("fog hides whatever is infinitely far" in [each.reason for each in pruned.decisions])
 
 
 def test_one_pixel_and_nothing_at_all_are_scenes() -> None:

@@ -79,6 +79,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from lichen.opencl.device import Device
+    from lichen.opencl.session import Held
 
     Lookup = Callable[[Array, framed.Found], Array]
     Weight = Callable[[Array, Array], Array]
@@ -181,18 +182,18 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 
 
 @cache
-def _cells(chart: Chart) -> Array:
+def _cells(device: Device, chart: Chart) -> Held:
     """Where a cube's image shows each of its faces."""
     faces = FACES.get(chart, FACES[Chart.CUBE])
-    return aligned(np.array([faces.index(each) for each in range(NOTHING)]), np.int32)
+    return device.constant(np.array([faces.index(each) for each in range(NOTHING)]), np.int32)
 
 
 @lru_cache(maxsize=64)
-def _numbers(p: Parameters, height: int) -> Array:
+def _numbers(device: Device, p: Parameters, height: int) -> Held:
     """The kernel's doubles, for a picture of this height; kept, since frames of one scene ask for the same."""
     scale = math.tan(math.radians(p.fov or 0.0) / 2) / (0.5 * height)
     made = np.array([*p.turn.reshape(-1), *p.eye, scale, p.index, 1 / p.index, p.reflectance])
-    return aligned(made, np.float64)
+    return device.constant(made, np.float64)
 
 
 def _launched(
@@ -235,7 +236,8 @@ def _launched(
     with device.session() as session:
         arguments = (
             aligned(normal.pixels), given["position"], given["base"], *memories, session.write(out),
-            _numbers(p, normal.height), _cells(p.chart), np.int32(normal.width), np.int32(normal.height), *sizes,
+            _numbers(device, p, normal.height), _cells(device, p.chart), np.int32(normal.width),
+            np.int32(normal.height), *sizes,
             None if skipped is None else aligned(skipped, np.uint8), np.uint64(pixels),
             session.write(session.scratch((segments,), np.uint8)) if single else None,
         )  # fmt: skip

@@ -22,6 +22,7 @@ from lichen.operations.scene.view import DepthKind, pointed, rays, window_terms
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
+    from lichen.opencl.session import Held
 
 SPAN = 64
 """Pixels of a work-item, where it is not a whole row as on a CPU."""
@@ -94,17 +95,18 @@ def _planes(segments: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def _constants(
-    p: Parameters, height: int, width: int, colours: int, entries: int, pointed_at: bool
-) -> tuple[tuple[Array | None, ...], int, int]:
+    device: Device, p: Parameters, height: int, width: int, colours: int, entries: int, pointed_at: bool
+) -> tuple[tuple[Held | None, ...], int, int]:
     """Numbers, colour, layers or table, x and y, and segments above and below; None for what is not read. Kept, since
     frames ask for the same."""
     sides = [_summed(each) for each in p.column.sides] if p.kind is Kind.LAYERED else [np.zeros((0, 4))] * 2
     layers = table_of(p, entries) if entries else _planes(np.concatenate(sides))
     x, y = rays(p, height, width)
+    keep = device.constant
     made = (
-        aligned(numbers(p, entries), np.float64), aligned(np.array(p.light(colours))),
-        aligned(layers) if entries or p.kind is Kind.LAYERED else None,
-        *((None, None) if pointed_at else (aligned(_padded(x.ravel()), np.float64), aligned(y.ravel(), np.float64))),
+        keep(numbers(p, entries), np.float64), keep(np.array(p.light(colours))),
+        keep(layers) if entries or p.kind is Kind.LAYERED else None,
+        *((None, None) if pointed_at else (keep(_padded(x.ravel()), np.float64), keep(y.ravel(), np.float64))),
     )  # fmt: skip
     return made, len(sides[0]), len(sides[1])
 
@@ -122,7 +124,7 @@ def launched(device: Device, inputs: Inputs, p: Parameters, entries: int = 0) ->
     where = inputs["depth"]
     points = pointed(where)
     out, span = aligned_empty(image.pixels.shape), width if device.is_cpu else SPAN
-    constants, above, below = _constants(p, height, width, image.colours, entries, points)
+    constants, above, below = _constants(device, p, height, width, image.colours, entries, points)
     defines: dict[str, int | float | str] = {
         "CHANNELS": image.channels, "COVERAGE": int(image.alpha is not Alpha.NONE), "TABLE": int(entries > 0),
         "KIND": list(Kind).index(p.kind), "POSITION": int(points),

@@ -108,6 +108,13 @@ class Parameters(View):
         return self.density == 0 or (self.kind is Kind.LAYERED and not any(self.densities))
 
     @property
+    def endless(self) -> bool:
+        """Whether nothing at all comes through from infinitely far, in whatever direction."""
+        if self.background is Background.KEEP:
+            return False
+        return self.kind is Kind.LINEAR or (self.kind in (Kind.EXPONENTIAL, Kind.SQUARED) and self.density > 0)
+
+    @property
     def by_height(self) -> bool:
         return self.kind in (Kind.LAYERED, Kind.HEIGHT)
 

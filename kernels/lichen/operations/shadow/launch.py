@@ -26,6 +26,7 @@ from lichen.operations.shadow.storing import WHOLE, Store, Stored, reversed_term
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
+    from lichen.opencl.session import Held
 
 SEGMENT = 128
 """Pixels of a work-item on a CPU, which asks for texels of all before it compares the first."""
@@ -35,7 +36,7 @@ SAMPLED = 4
 
 
 @lru_cache(maxsize=64)
-def numbers(p: Parameters, height: int, width: int, stored: Stored) -> Array:
+def _numbers(device: Device, p: Parameters, height: int, width: int, stored: Stored) -> Held:
     """The kernel's doubles, for a map of this size; kept, since frames of one scene ask for the same."""
     light, made = p.light, np.zeros(47)
     texel = 2 * light.scale / height
@@ -57,14 +58,14 @@ def numbers(p: Parameters, height: int, width: int, stored: Stored) -> Array:
         scale, (a, b) = window_terms(p)
         made[43:46] = scale, a, b
     made[46] = p.filter
-    return aligned(made, np.float64)
+    return device.constant(made, np.float64)
 
 
 @lru_cache(maxsize=64)
-def _rays(p: Parameters, height: int, width: int) -> tuple[Array, Array]:
+def _rays(device: Device, p: Parameters, height: int, width: int) -> tuple[Held, Held]:
     """x of every column and seven more, y of every row."""
     x, y = rays(p, height, width)
-    return aligned(np.append(x, np.full(7, x[0, -1])), np.float64), aligned(y.ravel(), np.float64)
+    return device.constant(np.append(x, np.full(7, x[0, -1])), np.float64), device.constant(y, np.float64)
 
 
 def places(count: int) -> Array:
@@ -76,10 +77,10 @@ def places(count: int) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _places(p: Parameters, taps: int) -> Array:
+def _places(device: Device, p: Parameters, taps: int) -> Held:
     """What the kernel reads of the filter's places: in texels and float32 where it compares in float32."""
     made = places(taps)
-    return aligned(made * p.filter) if p.map_kind is MapKind.PLANAR else aligned(made, np.float64)
+    return device.constant(made * p.filter) if p.map_kind is MapKind.PLANAR else device.constant(made, np.float64)
 
 
 def launched(device: Device, inputs: Inputs, p: Parameters, stored: Stored = WHOLE, taps: int = 0) -> Array:
@@ -88,7 +89,7 @@ def launched(device: Device, inputs: Inputs, p: Parameters, stored: Stored = WHO
     height, width = where.height, where.width
     out = aligned_empty((height, width, 1))
     points = pointed(where)
-    x, y = (None, None) if points else _rays(p, height, width)
+    x, y = (None, None) if points else _rays(device, p, height, width)
     kind = SAMPLED if taps else 1 + list(Kind).index(p.kind) if p.filter else 0
     defines: dict[str, int | float | str] = {
         "KIND": kind, "POSITION": int(points), "NORMALS": int("normal" in inputs),
@@ -104,8 +105,8 @@ def launched(device: Device, inputs: Inputs, p: Parameters, stored: Stored = WHO
             "shadow/shadow.cl", "shadow", (height * -(-width // segment),),
             receivers, aligned(inputs["normal"].pixels) if "normal" in inputs else receivers,
             aligned(depths.pixels[..., :1]), session.write(out),
-            numbers(p, depths.height, depths.width, stored),
-            _places(p, taps) if taps else None, x, y,
+            _numbers(device, p, depths.height, depths.width, stored),
+            _places(device, p, taps) if taps else None, x, y,
             np.int32(min(list(DepthKind).index(p.depth_kind), 2)), np.int32(taps or math.ceil(p.filter) + 1),
             np.int32(depths.width), np.int32(depths.height), np.int32(width), np.int32(height),
             None if out_of is None else aligned(out_of, np.uint8),
