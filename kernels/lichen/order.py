@@ -19,10 +19,11 @@ from lichen.accuracy.precision import Precision
 from lichen.catalogue import operation
 from lichen.errors import Flaw, InvalidRequest, NonfiniteInput, nearest
 from lichen.image import Alpha, Image, Space, Storage, as_image, repaired
-from lichen.operation import Facts, Operation
+from lichen.operation import Facts, Operation, OperationParameters
 from lichen.planning.check import flaws_of_crop, flowing, unfit
 from lichen.planning.graph import RESULT, Asked, Graph, Node, Output, Request
 from lichen.planning.pipeline import INPUT, Exit, Pipeline, escaped, read
+from lichen.planning.remember import Kept, written
 
 Picture = Image | npt.ArrayLike
 Named = TypeVar("Named", bound=StrEnum)
@@ -104,6 +105,22 @@ class Order:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class Said:
+    """What a call of one operation says beside its pictures, checked."""
+
+    parameters: OperationParameters
+    asked: Asked
+    request: Request
+    output: Output
+    precision: Precision
+    nonfinite: Nonfinite
+    verify: bool
+
+
+_said: Kept[Said] = Kept()
+
+
 def read_order(name: str, first: Picture | None, arguments: Mapping[str, Any], backend: str) -> Order:
     """Check a call of one operation. `arguments` mixes reserved names, parameters, knobs and further inputs, as callers
     write them.
@@ -111,34 +128,60 @@ def read_order(name: str, first: Picture | None, arguments: Mapping[str, Any], b
     Raises `UnknownOperation`, `InvalidRequest` with every flaw, `NonfiniteInput`.
     """
     wanted = operation(name)
+    values = dict(arguments)
+    given = {each.name: values.pop(each.name) for each in wanted.inputs if each.name in values}
     flaws: list[Flaw] = []
-    wish, values = _wish(arguments)
-    request, output, precision = _request(wish, backend, flaws)
-    if wish.method is not None and wish.method not in wanted.methods:
-        hint = nearest(wish.method, wanted.methods)
-        flaws.append(Flaw("/method", f"{wanted.name} has no method {wish.method!r}; {hint}"))
-    if precision is Precision.FLOAT64 and (wish.method is not None or wanted.knobs.keys() & values.keys()):
-        flaws.append(Flaw("/precision", "float64 evaluates the definition itself; leave out method and knobs"))
-    names = {declared.name for declared in wanted.inputs}
-    images = _images(wanted, first, {key: values.pop(key) for key in names & values.keys()}, flaws)
-    knobs = {key: _knob(wanted, key, values.pop(key), flaws) for key in wanted.knobs.keys() & values.keys()}
-    parameters = None
-    try:
-        parameters = wanted.validate(values)
-    except InvalidRequest as invalid:
-        flaws = [*invalid.flaws, *flaws]
-    if parameters is None or flaws:
+    said = _read(wanted, values, backend, flaws)
+    images = _images(wanted, first, given, flaws)
+    if said is None or flaws:
         raise InvalidRequest(f"This request for {name} is not valid.", flaws)
-    node = Node(name, wanted, parameters, {key: INPUT + key for key in images}, asked=Asked(wish.method, knobs, None))
+    node = Node(name, wanted, said.parameters, {key: INPUT + key for key in images}, asked=said.asked)
     return Order(
         name,
         (node,),
-        _policed(images, Nonfinite(wish.nonfinite)),
-        {RESULT: dataclasses.replace(output, source=name, storage=output.storage or _storage(images))},
-        dataclasses.replace(request, target=name),
+        _policed(images, said.nonfinite),
+        {RESULT: dataclasses.replace(said.output, storage=said.output.storage or _storage(images))},
+        said.request,
+        said.precision,
+        said.verify,
+    )
+
+
+def _read(wanted: Operation[Any], arguments: Mapping[str, Any], backend: str, flaws: list[Flaw]) -> Said | None:
+    """What is said beside pictures, kept from call to call; None where `flaws` has become longer."""
+    key = written((wanted.name, backend, arguments))
+    kept = None if key is None else _said.get(key)
+    if kept is not None:
+        return kept
+    wish, values = _wish(arguments)
+    wrong: list[Flaw] = []
+    request, output, precision = _request(wish, backend, wrong)
+    if wish.method is not None and wish.method not in wanted.methods:
+        hint = nearest(wish.method, wanted.methods)
+        wrong.append(Flaw("/method", f"{wanted.name} has no method {wish.method!r}; {hint}"))
+    if precision is Precision.FLOAT64 and (wish.method is not None or wanted.knobs.keys() & values.keys()):
+        wrong.append(Flaw("/precision", "float64 evaluates the definition itself; leave out method and knobs"))
+    knobs = {key: _knob(wanted, key, values.pop(key), wrong) for key in wanted.knobs.keys() & values.keys()}
+    try:
+        parameters = wanted.validate(values)
+    except InvalidRequest as invalid:
+        flaws += [*invalid.flaws, *wrong]
+        return None
+    flaws += wrong
+    if wrong:
+        return None
+    made = Said(
+        parameters,
+        Asked(wish.method, knobs, None),
+        dataclasses.replace(request, target=wanted.name),
+        dataclasses.replace(output, source=wanted.name),
         precision,
+        Nonfinite(wish.nonfinite),
         wish.verify,
     )
+    if key is not None:
+        _said.put(key, made)
+    return made
 
 
 def read_pipeline_order(

@@ -1,32 +1,77 @@
-"""Plans that were made before.
+"""What was asked before, and plans that were made of it.
 
 A plan follows from the graph and the request alone, and callers ask for the same again and again: the frames of an
-animation, the tiles of a picture, the requests of a page. Making it takes 0.2 to 0.4 ms, which is as much as a small
-kernel, so the last ones are kept.
+animation, the tiles of a picture, the requests of a page. Reading what is asked, and planning it, takes 0.2 to 0.4 ms
+each, which is as much as a small kernel, so the last ones are kept.
 
 Rules:
 
 * A plan is kept by everything that it follows from. Parameters count as they are written out, so that numbers that
   are equal and not the same (0 and -0) are two; rates are those of one table, itself and not its equal.
+* What is asked is kept by what it says, number for number: 1, 1.0 and true are three. What cannot be written out
+  plainly is read anew.
 * What was refused is not kept: a second request is refused as the first was.
 """
 
 from __future__ import annotations
 
+import marshal
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Hashable
+from typing import Any, Generic, TypeVar
 
 from lichen.planning.graph import Graph, Node, Request
 from lichen.planning.plan import Plan, make_plan
 
 KEPT = 128
-"""Plans; the longest unused are dropped first."""
+"""Values; the longest unused are dropped first."""
 MOST_NODES = 64
 """Of a graph; larger ones are planned anew, since telling them apart takes memory and time."""
-_kept: OrderedDict[object, Plan] = OrderedDict()
-_lock = threading.Lock()
+LONGEST = 1 << 17
+"""Bytes of a key that is written out."""
+PLAIN = 2
+"""The version of `marshal` that writes values alone, and not which of them are one object."""
+
+Value = TypeVar("Value")
+
+
+class Kept(Generic[Value]):
+    """The last values by their keys. Safe to use from any thread."""
+
+    def __init__(self) -> None:
+        self._held: OrderedDict[Hashable, Value] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def get(self, key: Hashable) -> Value | None:
+        with self._lock:
+            found = self._held.get(key)
+            if found is not None:
+                self._held.move_to_end(key)
+            return found
+
+    def put(self, key: Hashable, value: Value) -> None:
+        with self._lock:
+            self._held[key] = value
+            while len(self._held) > KEPT:
+                self._held.popitem(last=False)
+
+
+def written(said: Any) -> bytes | None:
+    """What somebody says, as a key; None where it is too long, or made of more than numbers, text, lists and mappings.
+    Of arrays only the bytes would be written, whatever their shape and type, so that what is read is not what was said.
+
+    >>> written({"lights": [{}]}) == written({"lights": [{}]}), written({"x": 1}) == written({"x": 1.0})
+    (True, False)
+    """
+    try:
+        made = marshal.dumps(said, PLAIN)
+        return made if len(made) <= LONGEST and marshal.loads(made) == said else None
+    except ValueError:
+        return None
+
+
+_plans: Kept[Plan] = Kept()
 
 
 def remembered(graph: Graph, request: Request, check: Callable[[], None]) -> Plan:
@@ -35,17 +80,11 @@ def remembered(graph: Graph, request: Request, check: Callable[[], None]) -> Pla
         check()
         return make_plan(graph, request)
     key = _key(graph, request)
-    with _lock:
-        plan = _kept.get(key)
-        if plan is not None and plan.request.rates is request.rates:
-            _kept.move_to_end(key)
-            return plan
-    check()
-    plan = make_plan(graph, request)
-    with _lock:
-        _kept[key] = plan
-        while len(_kept) > KEPT:
-            _kept.popitem(last=False)
+    plan = _plans.get(key)
+    if plan is None or plan.request.rates is not request.rates:
+        check()
+        plan = make_plan(graph, request)
+        _plans.put(key, plan)
     return plan
 
 

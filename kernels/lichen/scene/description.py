@@ -32,7 +32,7 @@ from lichen.operations.scene.camera import Camera
 from lichen.operations.scene.objects import Colour, Object
 from lichen.operations.scene.view import DepthKind
 from lichen.operations.shadow.parameters import Kind as Filtering
-from lichen.scene.keeping import Kept, written
+from lichen.planning.remember import Kept, written
 
 Turnable = Literal["normal", "position"]
 """Buffers that have axes."""

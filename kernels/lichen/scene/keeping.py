@@ -16,57 +16,11 @@ Rules:
 
 from __future__ import annotations
 
-import marshal
-import threading
 import weakref
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Mapping
-from typing import Any, Generic, TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from lichen.image import Image
-
-KEPT = 64
-"""Scenes, and graphs; the longest unused are dropped first."""
-LONGEST = 1 << 17
-"""Bytes of a scene that is kept."""
-PLAIN = 2
-"""The version of `marshal` that writes values alone, and not which of them are one object."""
-
-Value = TypeVar("Value")
-
-
-class Kept(Generic[Value]):
-    """The last values by their keys. Safe to use from any thread."""
-
-    def __init__(self) -> None:
-        self._held: OrderedDict[Hashable, Value] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def get(self, key: Hashable) -> Value | None:
-        with self._lock:
-            found = self._held.get(key)
-            if found is not None:
-                self._held.move_to_end(key)
-            return found
-
-    def put(self, key: Hashable, value: Value) -> None:
-        with self._lock:
-            self._held[key] = value
-            while len(self._held) > KEPT:
-                self._held.popitem(last=False)
-
-
-def written(said: Any) -> bytes | None:
-    """What a scene says, as a key; None where it is too long, or made of more than numbers, text, lists and mappings.
-
-    >>> written({"lights": [{}]}) == written({"lights": [{}]}), written({"x": 1}) == written({"x": 1.0})
-    (True, False)
-    """
-    try:
-        made = marshal.dumps(said, PLAIN)
-    except ValueError:
-        return None
-    return made if len(made) <= LONGEST else None
 
 
 class Pictures:

@@ -19,10 +19,11 @@ from lichen.image import Image, Space
 from lichen.operations.lighting.lamps import FARTHEST, Kind, Lamp
 from lichen.planning.graph import Decision
 from lichen.planning.pipeline import INPUT, Exit, Pipeline
+from lichen.planning.remember import Kept
 from lichen.scene import predicates, tiling
 from lichen.scene.description import Buffers, Light, Output, Scene
 from lichen.scene.finishing import finished
-from lichen.scene.keeping import Kept, Pictures
+from lichen.scene.keeping import Pictures
 from lichen.scene.lights import Sight, apart, filtering, given_map, sight
 from lichen.scene.nodes import Nodes
 

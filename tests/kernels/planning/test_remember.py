@@ -10,6 +10,7 @@ from lichen.accuracy import times
 from lichen.errors import InvalidRequest
 from lichen.image import Image
 from lichen.memory import aligned_empty
+from lichen.operation import Operation
 from lichen.planning import remember
 from lichen.planning.pipeline import read
 
@@ -34,6 +35,40 @@ def test_another_request_has_another_plan(changed: dict[str, object]) -> None:
     found = plan(picture(), **{**usual, **changed})
     assert found is not plan(picture(), **usual)
     assert found is plan(picture(), **{**usual, **changed})
+
+
+def test_what_is_said_again_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However large the pictures are; but numbers of NumPy cannot be told apart plainly, and are read anew."""
+    read_, validate = [], Operation.validate
+    monkeypatch.setattr(Operation, "validate", lambda self, values: read_.append(values) or validate(self, values))
+    for value in (0.5, 2.0):
+        plan(picture(value), black=0.41)
+    assert len(read_) == 1
+    for black in (0, 0.0, False):
+        plan(picture(), black=black, white=0.9)
+    assert len(read_) == 4
+    for _ in range(2):
+        plan(picture(), black=np.float64(0.41))
+    assert len(read_) == 6
+
+
+def test_every_flaw_is_named_whatever_was_read_before() -> None:
+    for _ in range(2):
+        with pytest.raises(InvalidRequest) as caught:
+            lichen.run("levels", method="none", black="a", nonsense=1, max_error=-1)
+        found = {"/".join(each.pointer.split("/")[:3]) for each in caught.value.flaws}
+        assert found == {"/inputs/image", "/method", "/max_error", "/parameters/black", "/parameters/nonsense"}
+
+
+def test_arrays_of_the_same_bytes_are_not_the_same() -> None:
+    line, seen = np.array([[1.0, 2.0, 4.0]]), np.eye(5, 7)
+    across, down = (lichen.run("convolve", seen, kernel=kernel).image.pixels for kernel in (line, line.T))
+    assert not np.array_equal(across, down)
+    scene = {"objects": [{"shape": "sphere"}], "camera": {"width": 4, "height": 4}}
+    lichen.render({**scene, "background": np.array([0.1, 0.2, 0.3])})
+    for other in (np.array([[0.1, 0.2, 0.3]]), np.array([0.1, 0.2, 0.3]).view(np.int64)):
+        with pytest.raises(InvalidRequest, match="background"):
+            lichen.render({**scene, "background": other})
 
 
 def test_zeros_of_both_signs_keep_their_signs() -> None:
