@@ -93,7 +93,8 @@ def section(numbers: Mapping[str, Any]) -> str:
     if any(each["flip"] is not None for each in told):
         rows = ["| setting | time | worst case | typical | CIEDE2000 | FLIP |", "|---|---:|---:|---:|---:|---:|"]
     rows += [row(each, columns=rows[0].count("|") - 1) for each in told]
-    found = numbers["study"]["sentences"] if numbers["study"] else ()
+    found = [numbers["converging"]] if numbers["orders"] else []
+    found += numbers["study"]["sentences"] if numbers["study"] else []
     size = f"{numbers['size']} x {numbers['size']} px"
     where = f"{numbers['device']}, {size}, {', '.join(numbers['machine'].values())}"
     return "\n".join(

@@ -152,6 +152,8 @@ class Knob:
     description: str
     low: float
     high: float
+    order: float | None = None
+    """the power of the knob that the error goes by where its first term leads, as theory has it; None: no power"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,8 @@
-"""What is measured of an operation beside its errors: numbers, sentences that tell them, and curves.
+"""What is measured of an operation beside its errors: numbers, sentences that tell them, and charts.
 
-An operation declares how to measure it (`Operation.study`); `lichen calibrate --errors` does so and keeps what came of
-it beside the error table, and reports show it: as JSON, in words, and as a chart with logarithmic axes."""
+An operation declares how to measure it (`Operation.study`), and pointwise ones are studied by the value of what they
+read (`lichen.calibration.by_value`). `lichen calibrate --errors` does so and keeps what came of it beside the error
+table, and reports show it: as JSON, in words, and as charts."""
 
 from __future__ import annotations
 
@@ -9,8 +10,30 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-Curve = tuple[tuple[float, float], ...]
-"""Points, both coordinates above 0."""
+Curve = tuple[float | None, ...]
+"""A value for each place along a chart, None where there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """Curves over one logarithmic axis; one that reaches below 0 is logarithmic on both sides of it."""
+
+    across: str
+    """what the curves go along, with its unit"""
+    up: str
+    """what their values are, 0 or above"""
+    places: tuple[float, ...]
+    curves: Mapping[str, Curve]
+    """by name: those that agree up to a comma belong together"""
+
+    def to_json(self) -> dict[str, Any]:
+        curves = {name: list(curve) for name, curve in self.curves.items()}
+        return {"across": self.across, "up": self.up, "places": list(self.places), "curves": curves}
+
+    @classmethod
+    def parse(cls, values: Mapping[str, Any]) -> Chart:
+        curves = {name: tuple(curve) for name, curve in values["curves"].items()}
+        return cls(values["across"], values["up"], tuple(values["places"]), curves)
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,25 +41,15 @@ class Study:
     sentences: tuple[str, ...]
     numbers: Mapping[str, Any] = field(default_factory=dict)
     """JSON values by name"""
-    across: str = ""
-    """what the curves go along, with its unit"""
-    up: str = ""
-    curves: Mapping[str, Curve] = field(default_factory=dict)
-    """by name"""
+    charts: tuple[Chart, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        return {
-            "sentences": list(self.sentences),
-            "numbers": dict(self.numbers),
-            "across": self.across,
-            "up": self.up,
-            "curves": {name: [list(point) for point in curve] for name, curve in self.curves.items()},
-        }
+        charts = [chart.to_json() for chart in self.charts]
+        return {"sentences": list(self.sentences), "numbers": dict(self.numbers), "charts": charts}
 
     @classmethod
     def parse(cls, values: Mapping[str, Any]) -> Study:
-        curves = {name: tuple((float(x), float(y)) for x, y in curve) for name, curve in values["curves"].items()}
-        return cls(tuple(values["sentences"]), values["numbers"], values["across"], values["up"], curves)
+        return cls(tuple(values["sentences"]), values["numbers"], tuple(map(Chart.parse, values["charts"])))
 
 
 def brief(value: float) -> float:

@@ -241,11 +241,16 @@ def ulps(pixels: Array, truth: Array) -> float:
     >>> ulps(np.ones((1, 1, 1)), np.full((1, 1, 1), 1 + 2.0**-23))
     1.0
     """
-    finite = np.isfinite(pixels) & np.isfinite(truth)
-    exact = truth[finite].astype(np.float64)
+    return float(np.nanmax(units_apart(pixels, truth), initial=0.0))
+
+
+def units_apart(pixels: Array, truth: Array) -> Array:
+    """The same of every sample, float64; NaN where either side is not finite."""
+    exact = truth.astype(np.float64)
     exponent = np.where(exact == 0, SUBNORMAL, np.frexp(exact)[1])
     unit = np.ldexp(1.0, np.maximum(exponent, SUBNORMAL) - 24)
-    return float(np.max(np.abs(pixels[finite] - exact) / unit, initial=0.0))
+    apart: Array = deviations(pixels, truth)[0] / unit
+    return apart
 
 
 def psnr(pixels: Array, truth: Array, peak: float, alpha: Alpha = Alpha.NONE) -> float:

@@ -36,6 +36,27 @@ class Scale:
         return math.log10(self.high / self.low)
 
 
+@dataclass(frozen=True, slots=True)
+class Signed:
+    """asinh(x / `unit`) from [low, high] to [start, end], px: logarithmic on both sides of 0, straight within units."""
+
+    low: float
+    high: float
+    unit: float
+    start: float
+    end: float
+
+    def __call__(self, value: float) -> float:
+        low, high, at = (math.asinh(each / self.unit) for each in (self.low, self.high, value))
+        return self.start + (at - low) / (high - low) * (self.end - self.start)
+
+    def ticks(self, steps: Sequence[int] = (1,)) -> list[float]:
+        """0, and 10, 100 ... times as much as its neighbours on both sides."""
+        powers = range(math.ceil(math.log10(10 * self.unit)), math.ceil(math.log10(self.high)) + 1)
+        found = [0.0, *(sign * 10.0**power for power in powers for sign in (1, -1))]
+        return sorted(each for each in found if self.low <= each <= self.high)
+
+
 def spanning(values: Iterable[float], start: float, end: float, *, least: float, margin: float) -> Scale:
     """A scale over all positive finite values, `margin` decades beyond them, `least` decades long at least."""
     logs = [math.log10(value) for value in values if math.isfinite(value) and value > 0] or [0.0]
@@ -79,6 +100,8 @@ class Labels:
 
     def _free(self, box: Box) -> bool:
         left, top, right, bottom = self._frame
+        spare = 0.06 * (box[2] - box[0])  # a reader's own font may be wider
+        box = box[0] - spare, box[1], box[2] + spare, box[3]
         if box[0] < left or box[1] < top or box[2] > right or box[3] > bottom:
             return False
         return not any(

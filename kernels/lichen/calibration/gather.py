@@ -20,7 +20,7 @@ import numpy as np
 import lichen
 from lichen.accuracy import times
 from lichen.accuracy.precision import Precision
-from lichen.calibration import studies, sweep
+from lichen.calibration import by_value, studies, sweep
 from lichen.calibration.corpus import Case, cases, typical
 from lichen.calibration.peers import peers
 from lichen.calibration.report import Report, Setting
@@ -234,7 +234,12 @@ def _report(
         source=source,
         machine=machine(backend, versions),
         command=f"lichen accuracy {operation.name}{which} --size {size} --device {backend}",
-        study=studies.load().get(operation.name),
+        study=by_value.study(operation, operation.validate(parameters))
+        if values is not None
+        else studies.of(operation.name, number),
+        expected={
+            method.name: method.knob.order for method in operation.methods.values() if method.knob and method.knob.order
+        },
     )
 
 

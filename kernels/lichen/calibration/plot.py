@@ -125,12 +125,17 @@ class _Plot:
     def _frame(self) -> Iterable[Shape]:
         yield Area([(LEFT, self.top), (RIGHT, self.top), (RIGHT, self.bottom), (LEFT, self.bottom)], "panel")
         narrow = self.x.decades < 2.2
+        exact = Text(RIGHT, self.bottom + 17, "exact", "muted", 12, "end")
+        free = RIGHT
+        if any(self.error(setting) == 0 for setting, _ in self.shown):
+            yield exact
+            free = exact.box[0] - 8
         for error in self.x.ticks((1, 2, 5) if narrow else (1,)):
             at = self.x(error)
             yield Line([(at, self.top), (at, self.bottom)], "grid")
-            yield Text(at, self.bottom + 17, short(error), "muted", 12, "middle")
-        if any(self.error(setting) == 0 for setting, _ in self.shown):
-            yield Text(RIGHT, self.bottom + 17, "exact", "muted", 12, "end")
+            told = Text(at, self.bottom + 17, short(error), "muted", 12, "middle")
+            if told.box[2] <= free:
+                yield told
         for time in self.y.ticks((1, 2, 5)):
             at = self.y(time)
             whole = math.log10(time) % 1 == 0
@@ -140,6 +145,7 @@ class _Plot:
                 )
             yield Line([(LEFT, at), (RIGHT, at)], "grid", 1.0 if whole else 0.5)
         unit = "error, in output units; further right is more accurate" + ("" if narrow else ", a digit for each line")
+        unit += "; up: time"
         yield Text((LEFT + RIGHT) / 2, self.bottom + 38, unit, "muted", 12, "middle")
 
     def _prices(self) -> Iterable[Shape]:
@@ -246,9 +252,11 @@ class _Plot:
                     gap=10 if verdict.standing == "worthwhile" else 8,
                 )
 
-    def _naming(self, setting: Setting) -> tuple[bool, float]:
-        """Peers first, which have one mark each; of ours the most accurate, where lines lie furthest apart."""
-        return not setting.peer, -self.across(self.error(setting))
+    def _naming(self, setting: Setting) -> tuple[bool, bool, float]:
+        """Peers first, which have one mark each; then what is worth taking; of a method's the most accurate, where
+        lines lie furthest apart."""
+        worth = any(setting.method == each.method for each in self.report.worthwhile)
+        return not setting.peer, not worth, -self.across(self.error(setting))
 
     def _tooltip(self, setting: Setting, verdict: Verdict) -> str:
         knob = self.report.knobs.get(setting.method, "knob")
@@ -308,6 +316,7 @@ class _Plot:
         numbers = "; ".join(f"{knob} ({', '.join(methods)})" for knob, methods in named.items())
         return [
             *([f"Numbers at the marks: {numbers}."] if numbers else []),
+            *([self.report.converging] if self.report.orders else []),
             f"{self.report.device}, {self.report.image}{self._speed()}. {facts}.",
             self.report.source,
             f"Again: {self.report.command}",

@@ -14,14 +14,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from statistics import linear_regression
 from typing import Any, Literal
 
 from lichen.accuracy.frontier import Cost, Price, compare, dominators, front, prices, worthwhile
 from lichen.study import Study
 
 Ranking = Literal["worst", "typical"]
+RANKINGS: tuple[Ranking, ...] = ("typical", "worst")
 Standing = Literal["worthwhile", "front", "dominated", "variant", "failed", "peer"]
 PLAIN, DOUBLES = "float32", "float64"
 SEPARATED = 4.0
@@ -30,6 +32,10 @@ FURTHER = 2.0
 """How many times the digits of the worst case those of the typical error are where they are what is bought."""
 VISIBLE = 1e-3
 """A quarter of the step of 8-bit samples. Where all settings lie below, that they agree is rounding, no obstacle."""
+ROUNDED: Mapping[Ranking, float] = {"worst": 1e-6, "typical": 1e-7}
+"""Below these errors may be float32's."""
+LEAST_POINTS = 3
+"""Settings that an order is fitted to."""
 SHORT = 1.2
 """Digits that a front must span to speak of digits; one that spans less is told in halves."""
 
@@ -74,6 +80,19 @@ class Verdict:
     instead: Setting | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Order:
+    """With which power of its knob the error of a method goes, fitted to errors that are no roundings."""
+
+    method: str
+    knob: str
+    """its name"""
+    expected: float
+    measured: float
+    ranking: Ranking
+    """the error it is fitted to"""
+
+
 @dataclass(frozen=True, eq=False)
 class Report:
     """All settings of one example on one device at one size."""
@@ -94,6 +113,8 @@ class Report:
     command: str = ""
     study: Study | None = None
     """what else was measured of the operation"""
+    expected: Mapping[str, float] = field(default_factory=dict)
+    """the order of each method that has one, by theory"""
 
     @cached_property
     def ours(self) -> list[int]:
@@ -220,6 +241,32 @@ class Report:
             )
         return ""
 
+    @cached_property
+    def orders(self) -> list[Order]:
+        """Of the methods that have one, by their typical error, or by the worst where that is sooner lost in roundings
+        than told by three settings."""
+        found = []
+        for method, expected in self.expected.items():
+            own = [self.settings[i] for i in self.ours if self.settings[i].method == method]
+            for ranking in RANKINGS:
+                points = [(each.knob, each.cost(ranking).error) for each in own if each.knob]
+                told = [(math.log(knob), math.log(error)) for knob, error in points if error > ROUNDED[ranking]]
+                if len(told) >= LEAST_POINTS:
+                    slope = linear_regression(*zip(*told, strict=True)).slope
+                    found.append(Order(method, self.knobs[method], expected, round(slope, 2), ranking))
+                    break
+        return found
+
+    @property
+    def converging(self) -> str:
+        """The orders in words."""
+        told = [
+            f"{each.method} {each.measured:.2f} (theory {each.expected:g}) in {each.knob}"
+            + ("" if each.ranking == "typical" else ", worst case")
+            for each in self.orders
+        ]
+        return f"Fitted orders of the error: {'; '.join(told)}."
+
     def megapoints(self, setting: Setting) -> float:
         """Million pixels a second."""
         return self.size * self.size / setting.seconds / 1e6
@@ -254,6 +301,8 @@ class Report:
             ],
             "machine": dict(self.machine),
             "command": self.command,
+            "orders": [asdict(each) for each in self.orders],
+            "converging": self.converging if self.orders else "",
             "study": self.study and self.study.to_json(),
         }
 

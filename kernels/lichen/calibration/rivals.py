@@ -19,6 +19,7 @@ from lichen.calibration.corpus import Case, cases
 from lichen.calibration.peers import Peer, peers
 from lichen.calibration.report import Setting
 from lichen.calibration.turns import FAILURES, brief
+from lichen.calibration.viewing import Viewer, viewer
 from lichen.memory import Array
 from lichen.operation import Inputs, Operation, OperationParameters
 
@@ -42,11 +43,12 @@ def rivals(operation: Operation[Any], parameters: OperationParameters, case: Cas
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Answer:
-    """A picture of the corpus and what is right for it; `unit` is that of the table."""
+    """A picture of the corpus and what is right for it; `unit` is that of the table. Somebody looks at one of them."""
 
     case: Case
     truth: Array
     unit: float
+    viewer: Viewer | None
 
 
 def _answers(operation: Operation[Any], parameters: OperationParameters, side: int) -> list[_Answer]:
@@ -57,7 +59,7 @@ def _answers(operation: Operation[Any], parameters: OperationParameters, side: i
         if not case.name.startswith("hard: "):
             truth = operation.evaluate_truth(case.inputs, parameters)
             unit = max(1.0, float(np.abs(truth[np.isfinite(truth)]).max(initial=0.0)))
-            found.append(_Answer(case, truth, unit))
+            found.append(_Answer(case, truth, unit, viewer(operation, parameters, case, truth)))
     return found
 
 
@@ -72,15 +74,19 @@ def _peer(peer: Peer, parameters: OperationParameters, case: Case, sheet: Sequen
 
 
 def _compared(name: str, compute: Callable[[Inputs], Array], sheet: Sequence[_Answer]) -> Setting:
-    """Largest, p999 and median RMS error of `compute`, as float32 holds its result."""
-    nan, rows = math.nan, []
+    """Largest, p999 and median RMS error of `compute`, as float32 holds its result, and how it looks."""
+    nan, rows, look = math.nan, [], None
     for answer in sheet:
         try:
-            apart = difference(compute(answer.case.inputs).astype(np.float32), answer.truth)
+            pixels = compute(answer.case.inputs).astype(np.float32)
+            apart = difference(pixels, answer.truth)
         except FAILURES as failure:
             return Setting(name, None, nan, nan, nan, nan, failed=brief(failure))
+        if answer.viewer:
+            look = answer.viewer.look(pixels)
         rows.append((apart.largest / answer.unit, apart.rms / answer.unit, apart.p999 / answer.unit))
     if not rows:
         return Setting(name, None, nan, nan, nan, nan, failed=MISSING)
     largest, rms, p999 = zip(*rows, strict=True)
-    return Setting(name, None, nan, max(largest), statistics.median(rms), max(p999))
+    errors = max(largest), statistics.median(rms), max(p999)
+    return Setting(name, None, nan, *errors, delta_e=look and look.delta_e, flip=look and look.flip)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from lichen.calibration import studies
+from lichen.calibration import by_value, studies
 from lichen.calibration.drawing import to_svg
 from lichen.calibration.gather import predicted
 from lichen.calibration.plot import plot
 from lichen.catalogue import operations
+from lichen.operation import Operation
 from lichen.operations.noise.character import described
 
 AGAIN = "run `lichen calibrate --errors --operation NAME` and look at what changed"
@@ -20,8 +23,10 @@ NOISES = [name for name in DECLARED if name != "lic"]
 
 
 def test_all_that_are_declared_are_kept() -> None:
-    assert set(studies.load()) == set(DECLARED), AGAIN
+    kept = studies.load()
+    assert {name for name in kept if " " not in name} == set(DECLARED), AGAIN
     assert set(NOISES) == {name for name, each in operations().items() if each.family == "noise"}
+    assert {"transfer", "gamma", "tone_map", "levels", "curve", "convert"} < {name.partition(" ")[0] for name in kept}
 
 
 @pytest.mark.parametrize("name", ["perlin_noise", "spectral_noise", "wavelet_noise", "white_noise", "lic"])
@@ -30,9 +35,62 @@ def test_what_they_say_is_found_again(name: str) -> None:
     assert study is not None
     found, kept = study(), studies.load()[name]
     assert found.sentences == kept.sentences, AGAIN
-    for label, curve in kept.curves.items():
-        again = np.array(found.curves[label])
-        assert np.allclose(again[: len(curve) - 1], curve[:-1], rtol=0.02), f"{label}: {AGAIN}"
+    for old, new in zip(kept.charts, found.charts, strict=True):
+        for label, curve in old.curves.items():
+            pairs = [each for each in zip(new.curves[label], curve, strict=True) if None not in each]
+            assert np.allclose(*np.array(pairs[:-1], float).T, rtol=0.02), f"{label}: {AGAIN}"
+
+
+@pytest.mark.parametrize("name", sorted({name.partition(" ")[0] for name in studies.load() if " " in name}))
+def test_where_pointwise_operations_err_is_found_again(name: str) -> None:
+    """But for the last digits of another processor."""
+    operation = operations()[name]
+    made = {f"{name} {number}" for number in range(len(operation.examples))} & set(studies.load())
+    label = min(made)
+    found = by_value.study(operation, operation.validate(operation.examples[int(label.partition(" ")[2])]))
+    assert found is not None
+    (errors, units), (again, _) = studies.load()[label].charts, found.charts
+    assert errors.places == again.places
+    assert errors.curves.keys() == again.curves.keys(), AGAIN
+    for method, curve in errors.curves.items():
+        for at, old, ulp, new in zip(errors.places, curve, units.curves[method], again.curves[method], strict=True):
+            if old is not None and ulp is not None and new is not None:
+                digit = old / ulp if ulp else 2.0**-23 * max(1.0, abs(at))
+                assert abs(new - old) <= 0.1 * old + 4 * digit, f"{label}, {method}, at {at:.3g}: {AGAIN}"
+            else:
+                assert (old is None) == (new is None), f"{label}, {method}, at {at:.3g}: {AGAIN}"
+
+
+def test_what_a_value_is_wrong_by_is_told_where_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A method that doubles what lies between 3 and 4 errs there by as much, and nowhere else."""
+    levels = operations()["gamma"]
+    exact = levels.methods["exact"]
+
+    class Wrong:
+        @staticmethod
+        def numpy(inputs: Any, parameters: Any, knob: float) -> Any:
+            right = levels.evaluate_truth(inputs, parameters)
+            pixels = inputs["image"].pixels
+            return np.where((pixels > 3) & (pixels < 4), 2 * right, right).astype(np.float32)
+
+        opencl = None
+
+    monkeypatch.setattr("lichen.calibration.sweep.backends", lambda: ("numpy",))
+    monkeypatch.setitem(levels.methods, "exact", dataclasses.replace(exact, implementation=Wrong))
+    found = by_value.study(levels, levels.validate(levels.examples[0]))
+    assert found is not None
+    by_place = dict(zip(found.charts[0].places, found.charts[0].curves["exact"], strict=True))
+    wrong = [at for at, error in by_place.items() if error is not None and error > 1e-4 * max(1.0, abs(at))]
+    assert wrong
+    assert all(at > 3 / 2**0.5 for at in wrong)
+    assert found.numbers["ulp"]["exact"]["in [0, 1]"][-1] <= 0.5
+    assert found.numbers["ulp"]["exact"]["beyond"][-1] > 1e6
+
+
+@pytest.mark.parametrize("operation", operations().values(), ids=list(operations()))
+def test_errors_fall_with_the_orders_that_are_declared(operation: Operation[Any]) -> None:
+    for order in predicted(operation).orders:
+        assert order.measured == pytest.approx(order.expected, abs=0.4), order
 
 
 def test_steps_have_the_orders_of_their_rules() -> None:
@@ -78,4 +136,7 @@ def test_reports_and_plots_show_them() -> None:
     assert "radial spectrum" in texts
     assert "is proved" in texts
     assert "Mpoint/s" in texts
-    assert predicted(operations()["levels"]).to_json()["study"] is None
+    assert predicted(operations()["median"]).to_json()["study"] is None
+    drawn = " ".join(ElementTree.fromstring(to_svg(plot(predicted(operations()["transfer"])))).itertext())
+    assert "largest error, in ULP of float32" in drawn
+    assert "theory -2" in " ".join(ElementTree.fromstring(to_svg(plot(predicted(operations()["curve"])))).itertext())

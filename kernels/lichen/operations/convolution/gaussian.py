@@ -154,7 +154,9 @@ def _by_matrices(pixels: Array, weights: tuple[Vector, Vector], border: Border, 
 @gaussian.method(
     "fir",
     scratch=2.1,
-    knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, MOST_TAIL),
+    knob=Knob(
+        "tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, MOST_TAIL, order=1
+    ),
     error=base.fir_error,
     work=base.fir_work,
     rates={"opencl": Rate(5e-4, 2.2e-11), "numpy": Rate(2e-4, 7e-11)},

@@ -309,7 +309,7 @@ class All:
 
 @spherical_harmonics.method(
     "reduced",
-    knob=Knob("texels", (64, 256, 1024, 4096), "blocks that the image is put together to", 6, 1e6),
+    knob=Knob("texels", (64, 256, 1024, 4096), "blocks that the image is put together to", 6, 1e6, order=-1),
     error=_reduced_error,
     work=lambda p, knob, facts: _work(p, min(knob, facts["image"].pixels)) + 200.0 * facts["image"].pixels,
     rates={"opencl": Rate(1e-3, 1e-9), "numpy": Rate(1e-3, 1e-9)},

@@ -302,7 +302,7 @@ class Exact:
 
 @vignette.method(
     "table",
-    knob=Knob("entries", LENGTHS, "gains along the radius", 2, 65536),
+    knob=Knob("entries", LENGTHS, "gains along the radius", 2, 65536, order=-2),
     error=_tabled_error,
     least=_tabled_least,
     work=lambda p, knob, facts: facts["image"].pixels * (4.0 + facts["image"].channels) + knob,

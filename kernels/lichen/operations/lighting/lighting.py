@@ -206,7 +206,7 @@ def _tabled(p: Parameters, facts: InputFacts) -> str | None:
     ),
     work=_work,
     rates=RATES,
-    knob=Knob("size", (16, 64, 256, 1024), "entries of each table", 4, 4096),
+    knob=Knob("size", (16, 64, 256, 1024), "entries of each table", 4, 4096, order=-2),
     unfit=_tabled,
 )
 class Tables:

@@ -248,7 +248,7 @@ class Exact:
 
 @motion_blur.method(
     "sampled",
-    knob=Knob("samples", (4, 8, 16, 32, 64), "bilinear samples along each path", 2, 256),
+    knob=Knob("samples", (4, 8, 16, 32, 64), "bilinear samples along each path", 2, 256, order=-2),
     error=_sampled_error,
     work=lambda p, knob, facts: _work(p, knob, facts),
     rates={"opencl": Rate(3e-4, 2.5e-9), "numpy": Rate(1e-3, 6e-8)},

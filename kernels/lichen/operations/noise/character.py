@@ -21,7 +21,7 @@ import numpy as np
 
 from lichen.memory import Array
 from lichen.operation import Operation
-from lichen.study import Curve, Study, brief
+from lichen.study import Chart, Study, brief
 
 SIDE = 256
 CELL = 8
@@ -77,9 +77,7 @@ def described(pictures: list[Array], unit: int, proved: tuple[float, float], per
             f"{numbers['seeds']:g} standard deviations of chance.",
         ),
         numbers=numbers,
-        across=f"frequency, cycles per {what}",
-        up="power, as a density",
-        curves={"radial spectrum": _radial(power, length, unit)},
+        charts=(_spectrum(power, length, unit, f"frequency, cycles per {what}"),),
     )
 
 
@@ -90,7 +88,7 @@ def _below(power: Array, length: Array, share: float) -> float:
     return float(length.ravel()[order][np.searchsorted(total, share * total[-1])])
 
 
-def _radial(power: Array, length: Array, unit: int) -> Curve:
+def _spectrum(power: Array, length: Array, unit: int, across: str) -> Chart:
     """Mean densities in rings, by their middles."""
     density = power / power.sum() * (SIDE / unit) ** 2
     edges = np.geomspace(0.7 * unit / SIDE, unit / 2, RINGS + 1)
@@ -100,7 +98,8 @@ def _radial(power: Array, length: Array, unit: int) -> Curve:
         if ring.size and ring.mean() > 0:
             found.append((brief(math.sqrt(low * high)), brief(float(ring.mean()))))
     floor = max(value for _, value in found) * LEAST
-    return tuple(point for point in found if point[1] >= floor)
+    places, densities = zip(*(point for point in found if point[1] >= floor), strict=True)
+    return Chart(across, "power, as a density", places, {"radial spectrum": densities})
 
 
 def _alike(spectra: list[Array]) -> float:

@@ -271,7 +271,7 @@ class Exact:
         facts["image"].samples * (2.0 if p.percentiles else 1.0) + 0.1 * knob * facts["image"].channels
     ),
     rates={"opencl": Rate(5e-4, 2.5e-9), "numpy": Rate(2e-4, 4e-8)},
-    knob=Knob("resolution", (256, 4096, 65536), "bins in which percentiles are looked for", 16, 1 << 20),
+    knob=Knob("resolution", (256, 4096, 65536), "bins in which percentiles are looked for", 16, 1 << 20, order=-1),
     unfit=lambda p, facts: None if p.percentiles else "there are no percentiles to find",
 )
 class Binned:

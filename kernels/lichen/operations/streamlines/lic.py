@@ -41,6 +41,7 @@ convolution, Computer Animation 1997 (`oriented`); Dormand and Prince, J. Comp. 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -146,7 +147,7 @@ class Nearest:
 EULER = Ladder(STEP, (0.125, 0.111, 0.085, 0.063))
 
 
-@lic.method("euler", error=EULER.error, work=partial(work, 1), rates=SAMPLING, knob=STEP)
+@lic.method("euler", error=EULER.error, work=partial(work, 1), rates=SAMPLING, knob=replace(STEP, order=1))
 class Euler:
     """Euler's steps in the interpolated field: lines drift outwards in every bend, by half a step per radian."""
 
@@ -162,7 +163,7 @@ class Euler:
 RK2 = Ladder(STEP, (0.124, 0.092, 0.063, 0.042))
 
 
-@lic.method("rk2", error=RK2.error, work=partial(work, 2), rates=SAMPLING, knob=STEP)
+@lic.method("rk2", error=RK2.error, work=partial(work, 2), rates=SAMPLING, knob=replace(STEP, order=2))
 class RungeKutta2:
     """The midpoint rule in the interpolated field: two vectors a step, second order."""
 
@@ -178,7 +179,7 @@ class RungeKutta2:
 RK4 = Ladder(STEP, (0.119, 0.099, 0.072, 0.048))
 
 
-@lic.method("rk4", error=RK4.error, work=partial(work, 4), rates=SAMPLING, knob=STEP)
+@lic.method("rk4", error=RK4.error, work=partial(work, 4), rates=SAMPLING, knob=replace(STEP, order=2))
 class RungeKutta4:
     """The classical Runge-Kutta rule in the interpolated field: four vectors a step, fourth order."""
 

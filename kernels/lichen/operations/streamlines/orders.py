@@ -20,7 +20,7 @@ from lichen.memory import Array
 from lichen.operations.streamlines.adaptive import STAGES
 from lichen.operations.streamlines.lic import lic
 from lichen.operations.streamlines.lines import Advance, Slope, euler, runge_kutta_2, runge_kutta_4
-from lichen.study import Curve, Study, brief
+from lichen.study import Chart, Study, brief
 
 LENGTH = 8.0
 STEPS = (2.0, 1.0, 0.5, 0.25, 0.125)
@@ -89,13 +89,14 @@ def order(curve: list[tuple[float, float]]) -> float:
 
 
 def study() -> Study:
-    curves: dict[str, Curve] = {}
+    curves: dict[str, tuple[float | None, ...]] = {}
     orders: dict[str, dict[str, float]] = {}
     for name in FIELDS:
         wanted = exact(name)
         for method, rule in RULES.items():
             curve = errors(rule, name, wanted)
-            curves[f"{method}, {name}"] = tuple(curve)
+            known = dict(curve)
+            curves[f"{method}, {name}"] = tuple(known.get(step) for step in STEPS)
             orders.setdefault(name, {})[method] = round(order(curve), 2)
     told = [
         f"Fitted orders in the step, {name} field: "
@@ -106,9 +107,7 @@ def study() -> Study:
     return Study(
         sentences=(*(f"{each}." for each in told), mean),
         numbers={"orders": orders},
-        across="step, px",
-        up="distance from where the line should end, px",
-        curves=curves,
+        charts=(Chart("step, px", "distance from where the line should end, px", STEPS, curves),),
     )
 
 

@@ -301,7 +301,7 @@ def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     error=_table_error,
     work=lambda p, knob, facts: facts["image"].samples,
     rates={"opencl": Rate(3e-4, 8.5e-10), "numpy": Rate(8e-5, 5e-9)},
-    knob=Knob("size", (256, 1024, 4096, 16384, 65536), "cells of the table at most", 256, 65536),
+    knob=Knob("size", (256, 1024, 4096, 16384, 65536), "cells of the table at most", 256, 65536, order=-2),
     unfit=_table_unfit,
 )
 class Interpolated:
