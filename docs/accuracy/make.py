@@ -17,7 +17,8 @@ from typing import Any
 
 import lichen
 from lichen.calibration.drawing import to_png, to_svg
-from lichen.calibration.gather import SIZE, measured
+from lichen.calibration.examples import SIZE
+from lichen.calibration.gather import measured
 from lichen.calibration.plot import plot
 from lichen.calibration.report import Report, label_of, milliseconds, scientific
 from lichen_service.documents import plain

@@ -86,11 +86,12 @@ def _report(given: Any, values: dict[str, str]) -> Report:
     from rich.console import Console
 
     from lichen.calibration import gather
+    from lichen.calibration.examples import SIZES
     from lichen.catalogue import operation
 
     chosen = operation(given.name)
-    if not gather.SIZES[0] <= given.size <= gather.SIZES[1]:
-        raise Usage(f"--size must lie between {gather.SIZES[0]} and {gather.SIZES[1]}")
+    if not SIZES[0] <= given.size <= SIZES[1]:
+        raise Usage(f"--size must lie between {SIZES[0]} and {SIZES[1]}")
     if given.example is not None and not 0 <= given.example < len(chosen.examples):
         raise Usage(f"--example must lie between 0 and {len(chosen.examples) - 1}")
     if values and (given.example is not None or given.predict):

@@ -10,6 +10,8 @@ from typing import Literal
 from lichen.calibration.drawing import Text
 
 Box = tuple[float, float, float, float]
+"""Left, top, right, bottom, px."""
+SPACE = 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,21 +102,31 @@ class Labels:
 
     def _free(self, box: Box) -> bool:
         left, top, right, bottom = self._frame
-        spare = 0.06 * (box[2] - box[0])  # a reader's own font may be wider
-        box = box[0] - spare, box[1], box[2] + spare, box[3]
         if box[0] < left or box[1] < top or box[2] > right or box[3] > bottom:
             return False
-        return not any(
-            box[0] < other[2] and other[0] < box[2] and box[1] < other[3] and other[1] < box[3] for other in self._taken
-        )
+        return not any(_meet(box, other) for other in self._taken)
 
 
-def wrapped(text: str, width: float, size: float) -> list[str]:
-    """The text in lines no wider than `width` px."""
+def _meet(one: Box, other: Box) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
+def apart(texts: Iterable[Text]) -> list[Text]:
+    """Those that stay `SPACE` px beside the texts kept before them: the most important come first."""
+    kept: list[Text] = []
+    for text in texts:
+        left, top, right, bottom = text.box
+        if not any(_meet((left - SPACE, top, right + SPACE, bottom), other.box) for other in kept):
+            kept.append(text)
+    return kept
+
+
+def wrapped(text: str, width: float, size: float, *, bold: bool = False) -> list[str]:
+    """The text in lines no wider than `width` px, but for words that are. `size` is that of the font, px."""
     lines: list[str] = []
     for word in text.split():
         joined = f"{lines[-1]} {word}" if lines else word
-        if lines and Text(0, 0, joined, size=size).box[2] <= width:
+        if lines and Text(0, 0, joined, size=size, bold=bold).box[2] <= width:
             lines[-1] = joined
         else:
             lines.append(word)

@@ -12,7 +12,7 @@ import dataclasses
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,8 @@ import lichen
 from lichen.accuracy import times
 from lichen.accuracy.precision import Precision
 from lichen.calibration import by_value, studies, sweep
-from lichen.calibration.corpus import Case, cases, typical
+from lichen.calibration.corpus import Case, typical
+from lichen.calibration.examples import SIZE, default_example, facts_of
 from lichen.calibration.peers import peers
 from lichen.calibration.report import Report, Setting
 from lichen.calibration.rivals import MISSING, rivals
@@ -29,44 +30,9 @@ from lichen.calibration.table import Entry, load
 from lichen.calibration.turns import FULL, QUICK, Effort, Timed, once, timed
 from lichen.kind import kind
 from lichen.opencl.device import default_device
-from lichen.operation import Facts, InputFacts, Operation, OperationParameters
+from lichen.operation import Operation, OperationParameters
 from lichen.planning.choose import DOUBLE_ROUNDING
 from lichen.planning.graph import TRUTH
-
-SIZE = 512
-"""Side of the image that times are for, unless another is asked for."""
-SIZES = (64, 4096)
-
-
-@lru_cache(256)
-def default_example(operation: Operation[Any]) -> int:
-    """The example that shows most: the corpus has images for it, all methods take it, another than the first leads
-    clearly; of equals the first."""
-    return max(range(len(operation.examples)), key=lambda number: (*_shows(operation, number), -number))
-
-
-def _shows(operation: Operation[Any], number: int) -> tuple[int, bool]:
-    """How many methods take an example, and whether one is predicted to be twice as fast as the first of them."""
-    if next(cases(operation, operation.validate(operation.examples[number]), 32), None) is None:
-        return 0, False
-    parameters = operation.sized(operation.validate(operation.examples[number]), SIZE, SIZE)
-    facts = _facts(operation, number, SIZE)
-    fit = [each for each in operation.methods.values() if each.unfit(parameters, facts) is None]
-    knobs = [each.knob.values[len(each.knob.values) // 2] if each.knob else 0.0 for each in fit]
-    seconds = [each.seconds("opencl", parameters, knob, facts) for each, knob in zip(fit, knobs, strict=True)]
-    return len(fit), min(seconds) < seconds[0] / 2
-
-
-@lru_cache(256)
-def _facts(operation: Operation[Any], number: int, size: int) -> InputFacts:
-    """Of the corpus's typical image at a size, without making it so large."""
-    parameters = operation.validate(operation.examples[number])
-    return _enlarged(typical(operation, parameters, 32).facts, size)
-
-
-def _enlarged(facts: InputFacts, size: int) -> dict[str, Facts]:
-    return {name: dataclasses.replace(each, height=size, width=size) for name, each in facts.items()}
-
 
 # ---------------------------------------------------------------------------------------------------------- predicted
 
@@ -77,7 +43,7 @@ def predicted(
     """What the table and the time model say of one example. Computes no pixel."""
     number = default_example(operation) if example is None else example
     backend = backend or sweep.backends()[0]
-    parameters, facts = operation.validate(operation.examples[number]), _facts(operation, number, size)
+    parameters, facts = operation.validate(operation.examples[number]), facts_of(operation, number, size)
     entries = load().of(operation.name, number)
     rates, own = times.current(backend), kind(parameters, facts)
     settings = []
@@ -149,7 +115,8 @@ def measured(
         f"that of the exact result is {'a guess' if guessed else 'one run'}."
     )
     versions = {peer.distribution: peer.version for peer in peers(wanted, parameters)}
-    return _report(wanted, number, values, backend, size, settings, source, versions)
+    report = _report(wanted, number, values, backend, size, settings, source, versions)
+    return dataclasses.replace(report, study=report.study or by_value.study(wanted, parameters))
 
 
 def _label(setting: sweep.Setting) -> str:
@@ -234,9 +201,7 @@ def _report(
         source=source,
         machine=machine(backend, versions),
         command=f"lichen accuracy {operation.name}{which} --size {size} --device {backend}",
-        study=by_value.study(operation, operation.validate(parameters))
-        if values is not None
-        else studies.of(operation.name, number),
+        study=studies.of(operation.name, None if values is not None else number),
         expected={
             method.name: method.knob.order for method in operation.methods.values() if method.knob and method.knob.order
         },

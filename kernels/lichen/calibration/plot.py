@@ -13,8 +13,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from lichen.calibration.chart import Labels, Scale, spanning, wrapped
-from lichen.calibration.drawing import HUES, Area, Dot, Drawing, Form, Line, Shape, Text, text_width
+from lichen.calibration.chart import Labels, Scale, apart, spanning, wrapped
+from lichen.calibration.drawing import HUES, Area, Dot, Drawing, Form, Line, Shape, Text
 from lichen.calibration.panel import panel
 from lichen.calibration.report import DOUBLES, PLAIN, Report, Setting, Verdict, milliseconds, scientific, short
 
@@ -42,13 +42,15 @@ class _Plot:
 
     @cached_property
     def head(self) -> list[Text]:
-        title = Text(LEFT - 46, 38, self.report.title, size=21, bold=True)
-        y, lines = 64.0, []
+        y, lines = 38.0, []
+        for line in wrapped(self.report.title, WIDTH - 48, 21, bold=True):
+            lines.append(Text(LEFT - 46, y, line, size=21, bold=True))
+            y += 26
         for text, role in ((self.report.headline, "ink"), (self.report.remark, "muted")):
             for line in wrapped(text, WIDTH - 48, 14):
                 lines.append(Text(LEFT - 46, y, line, role, 14))
                 y += 19
-        return [title, *lines]
+        return lines
 
     @cached_property
     def top(self) -> float:
@@ -102,9 +104,13 @@ class _Plot:
     def error(self, setting: Setting) -> float:
         return setting.worst if self.report.ranking == "worst" else setting.typical
 
+    @cached_property
+    def methods(self) -> list[str]:
+        """Our own, in the order of their hues."""
+        return list(dict.fromkeys(each.method for each in self.report.settings if not each.peer))
+
     def hue(self, method: str) -> str:
-        ours = list(dict.fromkeys(each.method for each in self.report.settings if not each.peer))
-        return HUES[ours.index(method) % len(HUES)] if method in ours else "peer"
+        return HUES[self.methods.index(method) % len(HUES)] if method in self.methods else "peer"
 
     # ------------------------------------------------------------------------------------------------------ the whole
 
@@ -117,7 +123,7 @@ class _Plot:
         self._label(labels)
         shapes += [*dots, *failed, *labels.placed, *caption]
         if self.report.study:
-            below, end = panel(self.report.study, LEFT, RIGHT, float(height))
+            below, end = panel(self.report.study, LEFT, RIGHT, float(height), self.methods)
             shapes, height = [*shapes, *below], round(end + 22)
         title = f"{self.report.title}: what accuracy costs in time"
         return Drawing(WIDTH, height, title, f"{self.report.headline} {self.report.remark}".strip(), tuple(shapes))
@@ -125,17 +131,12 @@ class _Plot:
     def _frame(self) -> Iterable[Shape]:
         yield Area([(LEFT, self.top), (RIGHT, self.top), (RIGHT, self.bottom), (LEFT, self.bottom)], "panel")
         narrow = self.x.decades < 2.2
-        exact = Text(RIGHT, self.bottom + 17, "exact", "muted", 12, "end")
-        free = RIGHT
+        ticks = self.x.ticks((1, 2, 5) if narrow else (1,))
+        told = [Text(self.x(error), self.bottom + 17, short(error), "muted", 12, "middle") for error in ticks]
         if any(self.error(setting) == 0 for setting, _ in self.shown):
-            yield exact
-            free = exact.box[0] - 8
-        for error in self.x.ticks((1, 2, 5) if narrow else (1,)):
-            at = self.x(error)
-            yield Line([(at, self.top), (at, self.bottom)], "grid")
-            told = Text(at, self.bottom + 17, short(error), "muted", 12, "middle")
-            if told.box[2] <= free:
-                yield told
+            told.insert(0, Text(RIGHT, self.bottom + 17, "exact", "muted", 12, "end"))
+        yield from apart(told)
+        yield from (Line([(self.x(error), self.top), (self.x(error), self.bottom)], "grid") for error in ticks)
         for time in self.y.ticks((1, 2, 5)):
             at = self.y(time)
             whole = math.log10(time) % 1 == 0
@@ -291,11 +292,12 @@ class _Plot:
         if any(each.failed for each in self.report.settings):
             entries.append((Dot(0, -4, "failed", 4.4, "cross"), "could not run"))
         for mark, text in entries:
-            room = 1.18 * text_width(text, 12)  # a reader's own font may be wider
-            if at + 20 + room > WIDTH - 20:
+            told = Text(at + 20, y, text, "muted", 12)
+            if told.box[2] > WIDTH - 20:
                 at, y = LEFT - 46, y + 20
-            shapes += [_moved(mark, at + 7, y), Text(at + 20, y, text, "muted", 12)]
-            at += 36 + room
+                told = replace(told, x=at + 20, y=y)
+            shapes += [_moved(mark, at + 7, y), told]
+            at = told.box[2] + 16
         y += 14
         for line in self._small_print():
             for part in wrapped(line, WIDTH - 48, 11):

@@ -347,15 +347,15 @@ def _setting(setting: Setting, verdict: Verdict, knobs: Mapping[str, str]) -> di
 def scientific(value: float, digits: int = 2, plain: float = 0.01) -> str:
     """Short and the same everywhere; without an exponent from `plain` to 1000.
 
-    >>> scientific(0.000123), scientific(1e-3), scientific(0.25), scientific(0.0)
-    ('1.2e-4', '1e-3', '0.25', '0')
+    >>> scientific(0.000123), scientific(1e-3), scientific(0.25), scientific(0.0), scientific(214)
+    ('1.2e-4', '1e-3', '0.25', '0', '210')
     """
     if value == 0:
         return "0"
     if not math.isfinite(value):
         return str(value)
     if plain <= abs(value) < 1000:
-        return f"{value:.{digits}g}"
+        return f"{float(f'{value:.{digits}g}'):g}"
     mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
     return f"{mantissa.rstrip('0').rstrip('.') if '.' in mantissa else mantissa}e{int(power)}"
 

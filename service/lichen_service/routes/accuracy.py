@@ -16,7 +16,8 @@ from pydantic import ConfigDict, Field, ValidationError
 from lichen import catalogue
 from lichen.accuracy import times
 from lichen.calibration.drawing import to_png, to_svg
-from lichen.calibration.gather import SIZE, SIZES, predicted
+from lichen.calibration.examples import SIZE, SIZES
+from lichen.calibration.gather import predicted
 from lichen.calibration.plot import plot
 from lichen.calibration.report import PLAIN, Report
 from lichen.errors import Flaw, InvalidRequest, nearest

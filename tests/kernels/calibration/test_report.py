@@ -15,7 +15,8 @@ from lichen.calibration import report as words
 from lichen.calibration.chart import Labels, spanning
 from lichen.calibration.corpus import typical
 from lichen.calibration.drawing import DENSITY, THEMES, Dot, Text, dashes, to_png, to_svg
-from lichen.calibration.gather import default_example, measured, predicted
+from lichen.calibration.examples import default_example
+from lichen.calibration.gather import measured, predicted
 from lichen.calibration.peers import PEERS, peers
 from lichen.calibration.plot import plot
 from lichen.calibration.report import Report, Setting, round_errors, scientific, short

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from importlib.resources import files
 from typing import Any
 from xml.etree import ElementTree
 
@@ -11,7 +12,7 @@ import pytest
 
 from lichen.calibration import by_value, studies
 from lichen.calibration.drawing import to_svg
-from lichen.calibration.gather import predicted
+from lichen.calibration.gather import measured, predicted
 from lichen.calibration.plot import plot
 from lichen.catalogue import operations
 from lichen.operation import Operation
@@ -22,11 +23,11 @@ DECLARED = {name: operation for name, operation in operations().items() if opera
 NOISES = [name for name in DECLARED if name != "lic"]
 
 
-def test_all_that_are_declared_are_kept() -> None:
+def test_all_that_are_declared_are_kept_and_little_else() -> None:
     kept = studies.load()
     assert {name for name in kept if " " not in name} == set(DECLARED), AGAIN
     assert set(NOISES) == {name for name, each in operations().items() if each.family == "noise"}
-    assert {"transfer", "gamma", "tone_map", "levels", "curve", "convert"} < {name.partition(" ")[0] for name in kept}
+    assert (files("lichen.calibration") / studies.NAME).stat().st_size < 120_000, "it is loaded with every report"
 
 
 @pytest.mark.parametrize("name", ["perlin_noise", "spectral_noise", "wavelet_noise", "white_noise", "lic"])
@@ -41,50 +42,101 @@ def test_what_they_say_is_found_again(name: str) -> None:
             assert np.allclose(*np.array(pairs[:-1], float).T, rtol=0.02), f"{label}: {AGAIN}"
 
 
-@pytest.mark.parametrize("name", sorted({name.partition(" ")[0] for name in studies.load() if " " in name}))
+@pytest.mark.parametrize("name", sorted(set(operations()) - set(DECLARED)))
 def test_where_pointwise_operations_err_is_found_again(name: str) -> None:
     """But for the last digits of another processor."""
-    operation = operations()[name]
-    made = {f"{name} {number}" for number in range(len(operation.examples))} & set(studies.load())
-    label = min(made)
-    found = by_value.study(operation, operation.validate(operation.examples[int(label.partition(" ")[2])]))
-    assert found is not None
-    (errors, units), (again, _) = studies.load()[label].charts, found.charts
-    assert errors.places == again.places
-    assert errors.curves.keys() == again.curves.keys(), AGAIN
-    for method, curve in errors.curves.items():
-        for at, old, ulp, new in zip(errors.places, curve, units.curves[method], again.curves[method], strict=True):
-            if old is not None and ulp is not None and new is not None:
-                digit = old / ulp if ulp else 2.0**-23 * max(1.0, abs(at))
-                assert abs(new - old) <= 0.1 * old + 4 * digit, f"{label}, {method}, at {at:.3g}: {AGAIN}"
-            else:
-                assert (old is None) == (new is None), f"{label}, {method}, at {at:.3g}: {AGAIN}"
+    found, report = studies.made(operations()[name]), predicted(operations()[name])
+    assert report.study == studies.load().get(f"{name} {report.example}")
+    assert found.keys() == {each for each in studies.load() if each.partition(" ")[0] == name}, AGAIN
+    for label, study in found.items():
+        kept = {(chart.up, chart.across): chart for chart in studies.load()[label].charts}
+        made = {(chart.up, chart.across): chart for chart in study.charts}
+        assert kept.keys() == made.keys(), AGAIN
+        for (up, across), errors in kept.items():
+            if "output units" in up:
+                again, units = made[up, across], kept["largest error, in ULP of float32", across]
+                assert errors.places == again.places
+                assert errors.curves.keys() == again.curves.keys(), AGAIN
+                for method, curve in errors.curves.items():
+                    told = zip(errors.places, curve, units.curves[method], again.curves[method], strict=True)
+                    for at, old, ulp, new in told:
+                        assert (old is None) == (new is None), f"{label}, {method}, at {at:.3g}: {AGAIN}"
+                        if old is not None and ulp is not None and new is not None:
+                            digit = old / ulp if ulp else 2.0**-23 * max(1.0, abs(at))
+                            said = f"{label}, {method}, at {at:.3g}: {AGAIN}"
+                            assert abs(new - old) <= 0.1 * old + 4 * digit, said
+
+
+@pytest.mark.parametrize("name", sorted({name.partition(" ")[0] for name in studies.load() if " " in name}))
+def test_every_method_that_takes_a_picture_shows_where_it_errs(name: str) -> None:
+    report = predicted(operations()[name])
+    assert report.study is not None
+    taken = {report.settings[i].method for i in report.ours if report.settings[i].failed is None}
+    shown = {curve.partition(",")[0] for chart in report.study.charts for curve in chart.curves}
+    assert shown >= taken
+
+
+def test_methods_for_the_domain_of_displays_are_shown_there_alone() -> None:
+    inside, beyond = studies.load()["transfer 0"].charts[:2]
+    assert {"cubic", "sextic", "exact"} <= inside.curves.keys()
+    assert beyond.curves.keys() == inside.curves.keys() - {"cubic", "sextic"}
+    assert (inside.places[0], inside.places[-1]) == (0, 1)
+    assert (beyond.places[0], beyond.places[-1]) == pytest.approx((-16, 16384), rel=0.01)
+    ulp = studies.load()["transfer 0"].numbers["ulp"]
+    assert ulp["cubic"].keys() == {"in [0, 1]"}
+    assert ulp["exact"].keys() == by_value.SPANS.keys()
+    assert ulp["cubic"]["in [0, 1]"][-1] > 100 * ulp["exact"]["in [0, 1]"][-1]
+
+
+@pytest.mark.parametrize("span", [by_value.DISPLAY, by_value.WIDE], ids=lambda span: span.name)
+def test_colours_lie_in_their_part_of_the_range(span: by_value.Range) -> None:
+    for (low, high), row in zip(span.parts, span.colours(3), strict=True):
+        leading = np.take_along_axis(row, np.abs(row).argmax(axis=1, keepdims=True), axis=1)
+        assert np.all((np.float32(low) <= leading) & (leading <= np.float32(high)))
+        assert leading[0, 0] == np.float32(low)
+        assert leading[2, 0] == np.float32(high)
+        assert np.all(row[::2] == row[::2, :1]), "greys"
+        assert np.any(row[1::2] != row[1::2, :1]), "colours"
 
 
 def test_what_a_value_is_wrong_by_is_told_where_it_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A method that doubles what lies between 3 and 4 errs there by as much, and nowhere else."""
-    levels = operations()["gamma"]
-    exact = levels.methods["exact"]
+    """A method that doubles what lies between 3 and 4, and has no result from 0.3 to 0.4, errs nowhere else."""
+    gamma = operations()["gamma"]
+    exact = gamma.methods["exact"]
 
     class Wrong:
         @staticmethod
         def numpy(inputs: Any, parameters: Any, knob: float) -> Any:
-            right = levels.evaluate_truth(inputs, parameters)
+            right = gamma.evaluate_truth(inputs, parameters)
             pixels = inputs["image"].pixels
-            return np.where((pixels > 3) & (pixels < 4), 2 * right, right).astype(np.float32)
+            wrong = np.where((pixels > 3) & (pixels < 4), 2 * right, right)
+            return np.where((pixels > 0.3) & (pixels < 0.4), np.nan, wrong).astype(np.float32)
 
         opencl = None
 
     monkeypatch.setattr("lichen.calibration.sweep.backends", lambda: ("numpy",))
-    monkeypatch.setitem(levels.methods, "exact", dataclasses.replace(exact, implementation=Wrong))
-    found = by_value.study(levels, levels.validate(levels.examples[0]))
+    monkeypatch.setitem(gamma.methods, "exact", dataclasses.replace(exact, implementation=Wrong))
+    found = by_value.study(gamma, gamma.validate(gamma.examples[0]))
     assert found is not None
-    by_place = dict(zip(found.charts[0].places, found.charts[0].curves["exact"], strict=True))
-    wrong = [at for at, error in by_place.items() if error is not None and error > 1e-4 * max(1.0, abs(at))]
-    assert wrong
-    assert all(at > 3 / 2**0.5 for at in wrong)
-    assert found.numbers["ulp"]["exact"]["in [0, 1]"][-1] <= 0.5
-    assert found.numbers["ulp"]["exact"]["beyond"][-1] > 1e6
+    inside, beyond = (dict(zip(chart.places, chart.curves["exact"], strict=True)) for chart in found.charts[:2])
+    assert max(error for error in inside.values() if error is not None) < 1e-7
+    assert max(error for at, error in beyond.items() if error is not None and 0 <= at < 4) < 1e-6
+    assert beyond[4.0] is not None
+    assert beyond[4.0] > 10
+    ulp = found.numbers["ulp"]["exact"]
+    assert ulp["in [0, 1]"][-1] <= 0.5
+    assert ulp["above 1"][-1] > 1e6
+    assert "results are finite where the exact one is not" in found.sentences[0]
+    assert not any("results are finite" in each for each in studies.load()["gamma 0"].sentences)
+
+
+def test_other_examples_and_parameters_are_studied_when_they_are_measured() -> None:
+    levels = operations()["levels"]
+    for asked in (2, {"gamma": 3.0}):
+        study = measured(levels, asked, size=64, quick=True).study
+        assert study is not None
+        assert study.charts[0].curves.keys() == levels.methods.keys()
+    assert predicted(levels, 2).study is None
 
 
 @pytest.mark.parametrize("operation", operations().values(), ids=list(operations()))
@@ -138,5 +190,5 @@ def test_reports_and_plots_show_them() -> None:
     assert "Mpoint/s" in texts
     assert predicted(operations()["median"]).to_json()["study"] is None
     drawn = " ".join(ElementTree.fromstring(to_svg(plot(predicted(operations()["transfer"])))).itertext())
-    assert "largest error, in ULP of float32" in drawn
+    assert "Largest error, in ULP of float32" in drawn
     assert "theory -2" in " ".join(ElementTree.fromstring(to_svg(plot(predicted(operations()["curve"])))).itertext())
