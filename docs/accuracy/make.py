@@ -2,7 +2,8 @@
 
 Run: make accuracy, or python docs/accuracy/make.py [NAME ...] [--full] [--size N]. Without --full our own errors come
 from the table that comes with the library; all times and all peers are measured here and now, on a machine that should
-have nothing else to do. With names only those operations are measured; the index tells of all whose numbers lie here.
+have nothing else to do. With names only those operations are measured. The index tells of all whose numbers lie here,
+and is written when none of these is left from a version that measured other things.
 """
 
 from __future__ import annotations
@@ -11,16 +12,17 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
 import lichen
 from lichen.calibration.drawing import to_png, to_svg
 from lichen.calibration.examples import SIZE
-from lichen.calibration.gather import measured
+from lichen.calibration.gather import measured, predicted
 from lichen.calibration.plot import plot
 from lichen.calibration.report import Report, label_of, milliseconds, scientific
+from lichen.operation import Operation
 from lichen_service.documents import plain
 
 HERE = Path(__file__).resolve().parent
@@ -59,8 +61,10 @@ def main() -> None:
         report = measured(known[name], size=given.size, quick=not given.full)
         write(report)
         print(f"{name}: {report.headline} ({time.perf_counter() - start:.1f} s)", file=sys.stderr)
-    (HERE / "index.md").write_text(index(known), encoding="utf-8")
     print(f"{time.perf_counter() - began:.0f} s", file=sys.stderr)
+    if old := outdated(known.values()):
+        sys.exit(f"index.md stays as it was: another version wrote {len(old)} of the others ({old[0]}); make them anew")
+    (HERE / "index.md").write_text(index(known), encoding="utf-8")
 
 
 def write(report: Report) -> None:
@@ -69,6 +73,21 @@ def write(report: Report) -> None:
     numbers = json.dumps(plain(report.to_json()), indent=1, ensure_ascii=False) + "\n"
     for form, data in zip(FORMS, (to_svg(drawing), to_png(drawing), numbers.encode()), strict=True):
         (HERE / f"{report.operation}.{form}").write_bytes(data)
+
+
+def outdated(operations: Iterable[Operation[Any]]) -> list[str]:
+    """Those of them whose numbers lie here and are not those that reports of this version have."""
+    here = ((each, HERE / f"{each.name}.json") for each in operations)
+    return [
+        operation.name
+        for operation, path in here
+        if path.exists() and form(json.loads(path.read_bytes())) != form(predicted(operation).to_json())
+    ]
+
+
+def form(numbers: Mapping[str, Any]) -> tuple[Set[str], ...]:
+    """The names of what a report holds, of what it holds of a setting, and of its study."""
+    return tuple(each.keys() for each in (numbers, numbers["settings"][0], numbers.get("study") or {}))
 
 
 def index(known: Sequence[str] | Mapping[str, Any]) -> str:

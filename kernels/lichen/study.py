@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 Curve = tuple[float | None, ...]
-"""A value for each place along a chart, None where there is none."""
+"""A value, 0 or above, for each place along a chart; None where there is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,34 +21,42 @@ class Chart:
     across: str
     """what the curves go along, with its unit"""
     up: str
-    """what their values are, 0 or above"""
+    """what their values are, with its unit: charts that agree in it stand side by side"""
     places: tuple[float, ...]
+    """where the curves have values, ascending or descending"""
     curves: Mapping[str, Curve]
     """by name: those that agree up to a comma belong together"""
 
     def to_json(self) -> dict[str, Any]:
+        """JSON values, which `parse` takes."""
         curves = {name: list(curve) for name, curve in self.curves.items()}
         return {"across": self.across, "up": self.up, "places": list(self.places), "curves": curves}
 
     @classmethod
     def parse(cls, values: Mapping[str, Any]) -> Chart:
+        """Of JSON values. Raises KeyError where one is missing."""
         curves = {name: tuple(curve) for name, curve in values["curves"].items()}
         return cls(values["across"], values["up"], tuple(values["places"]), curves)
 
 
 @dataclass(frozen=True, slots=True)
 class Study:
+    """What was found, in words, numbers and pictures."""
+
     sentences: tuple[str, ...]
+    """what a reader should know, each complete"""
     numbers: Mapping[str, Any] = field(default_factory=dict)
     """JSON values by name"""
     charts: tuple[Chart, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
+        """JSON values, which `parse` takes."""
         charts = [chart.to_json() for chart in self.charts]
         return {"sentences": list(self.sentences), "numbers": dict(self.numbers), "charts": charts}
 
     @classmethod
     def parse(cls, values: Mapping[str, Any]) -> Study:
+        """Of JSON values. Raises KeyError where one is missing."""
         return cls(tuple(values["sentences"]), values["numbers"], tuple(map(Chart.parse, values["charts"])))
 
 

@@ -235,7 +235,8 @@ def ulps(pixels: Array, truth: Array) -> float:
     """The largest difference in units in the last place of truth as float32, over finite samples.
 
     Zero and subnormal truths count in the spacing of subnormals. Meant for pointwise results: a sum over pixels is
-    small by cancellation somewhere, and there no float32 evaluation has few ULP.
+    small by cancellation somewhere, and there no float32 evaluation has few ULP. Raises ValueError where the shapes
+    differ.
 
     >>> import numpy as np
     >>> ulps(np.ones((1, 1, 1)), np.full((1, 1, 1), 1 + 2.0**-23))
@@ -245,7 +246,13 @@ def ulps(pixels: Array, truth: Array) -> float:
 
 
 def units_apart(pixels: Array, truth: Array) -> Array:
-    """The same of every sample, float64; NaN where either side is not finite."""
+    """The difference of every sample, in units in the last place of truth as float32: float64, in the shape of both;
+    NaN where either side is not finite. Raises ValueError where the shapes differ.
+
+    >>> import numpy as np
+    >>> units_apart(np.array([1.0, 2.0, np.nan]), np.array([1 + 2.0**-23, 2.0, 0.0]))
+    array([ 1.,  0., nan])
+    """
     exact = truth.astype(np.float64)
     exponent = np.where(exact == 0, SUBNORMAL, np.frexp(exact)[1])
     unit = np.ldexp(1.0, np.maximum(exponent, SUBNORMAL) - 24)

@@ -105,8 +105,11 @@ Found = Mapping[str, Mapping[str, _Errors]]
 
 
 def study(operation: Operation[Any], parameters: OperationParameters) -> Study | None:
-    """Measured now, on all backends. None where the operation reads something else than one picture without coverage,
-    or more than a pixel of it, or where it changes nothing."""
+    """Where the operation errs with these parameters, measured now on all backends.
+
+    None where it reads something else than one picture without coverage, or more than a pixel of it, or changes
+    nothing. Errors are in output units, not divided by the largest value as those of reports. Raises LichenError where
+    a kernel cannot be built."""
     found = {span.name: dict(_errors(operation, parameters, span)) for span in (DISPLAY, WIDE)}
     names = [_name(each) for each in sweep.ends(operation)]
     names = [name for name in names if any(name in own for own in found.values())]

@@ -24,6 +24,7 @@ class Scale:
     end: float
 
     def __call__(self, value: float) -> float:
+        """Where it stands, px. Raises ValueError where it is not above 0."""
         share = (math.log10(value) - math.log10(self.low)) / (math.log10(self.high) - math.log10(self.low))
         return self.start + share * (self.end - self.start)
 
@@ -49,11 +50,12 @@ class Signed:
     end: float
 
     def __call__(self, value: float) -> float:
+        """Where it stands, px."""
         low, high, at = (math.asinh(each / self.unit) for each in (self.low, self.high, value))
         return self.start + (at - low) / (high - low) * (self.end - self.start)
 
     def ticks(self, steps: Sequence[int] = (1,)) -> list[float]:
-        """0, and 10, 100 ... times as much as its neighbours on both sides."""
+        """0 and, from ten units on, powers of ten on both sides of it, ascending. `steps` between them are left out."""
         powers = range(math.ceil(math.log10(10 * self.unit)), math.ceil(math.log10(self.high)) + 1)
         found = [0.0, *(sign * 10.0**power for power in powers for sign in (1, -1))]
         return sorted(each for each in found if self.low <= each <= self.high)

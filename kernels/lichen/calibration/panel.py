@@ -27,8 +27,8 @@ DASH = (5.0, 3.0)
 def panel(
     study: Study, left: float, right: float, top: float, methods: Sequence[str] = ()
 ) -> tuple[list[Shape], float]:
-    """The shapes, from `top` down, and where they end, px. `left` and `right` are those of the frames, `methods` those
-    of the plot in the order of their hues."""
+    """The shapes, from `top` down, and where they end. `left` and `right` are those of the frames, all px; `methods`
+    are those of the plot in the order of their hues."""
     shapes: list[Shape] = []
     y = top
     for sentence in study.sentences:

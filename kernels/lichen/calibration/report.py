@@ -88,7 +88,9 @@ class Order:
     knob: str
     """its name"""
     expected: float
+    """the power, by theory"""
     measured: float
+    """the slope of log error over log knob, by least squares"""
     ranking: Ranking
     """the error it is fitted to"""
 
@@ -243,8 +245,8 @@ class Report:
 
     @cached_property
     def orders(self) -> list[Order]:
-        """Of the methods that have one, by their typical error, or by the worst where that is sooner lost in roundings
-        than told by three settings."""
+        """Of the methods for which theory has one, by their typical error, or by the worst where fewer than
+        `LEAST_POINTS` settings have a typical one that is no rounding; of none where both are."""
         found = []
         for method, expected in self.expected.items():
             own = [self.settings[i] for i in self.ours if self.settings[i].method == method]
@@ -259,7 +261,7 @@ class Report:
 
     @property
     def converging(self) -> str:
-        """The orders in words."""
+        """The orders in words, a sentence; meant for reports that have any."""
         told = [
             f"{each.method} {each.measured:.2f} (theory {each.expected:g}) in {each.knob}"
             + ("" if each.ranking == "typical" else ", worst case")
