@@ -6,6 +6,7 @@ import asyncio
 import inspect
 import io
 import json
+import re
 import runpy
 import sys
 from collections.abc import Iterator
@@ -218,6 +219,30 @@ def test_a_notebook_draws_pipelines_and_scenes(monkeypatch: pytest.MonkeyPatch) 
     assert drawn(Scene()._repr_png_()) == {(2, 0): "output"}
     monkeypatch.setitem(sys.modules, "PIL", None)
     assert (p._repr_png_(), scene._repr_png_(), Pipeline()._repr_png_()) == (None, None, None)
+
+
+def test_no_line_of_a_drawing_runs_under_a_box() -> None:
+    """A picture that is read again further right passes below the boxes between, in one line for each that reads it."""
+    p = Pipeline()
+    photo = p.input("photo")
+    value = p.add("gaussian", photo, sigma=2)
+    for gamma in (1, 2, 3):
+        value = p.add("levels", value, gamma=gamma)
+    p.output("mixed", p.add("mix", photo, base=value))
+    p.output("kept", p.add("mix", value, base=photo))
+    svg, wide, high = p.to_svg(), 150, 40
+    corners = [(float(x), float(y)) for x, y in re.findall(r'<rect class="\w+" x="(\d+)" y="(\d+)"', svg)]
+    lines = [[float(each) for each in re.findall(r"[\d.]+", path)] for path in re.findall(r'<path d="([^"]+)"', svg)]
+    assert (len(corners), len(lines)) == (9, 10), "four in the chain, two for each mix, two outputs"
+    for line in lines:
+        points = list(zip(line[::2], line[1::2], strict=True))
+        assert (points[0][0] - wide, points[0][1] - high / 2) in corners, "begins at the right of a box"
+        assert (points[-1][0], points[-1][1] - high / 2) in corners, "ends at the left of one"
+        for a, b, c, d in zip(points[:-1:3], points[1::3], points[2::3], points[3::3], strict=True):
+            for t in np.linspace(0.01, 0.99, 50):
+                weights = (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3
+                x, y = np.dot(weights, [a, b, c, d])
+                assert not any(left < x < left + wide and top < y < top + high for left, top in corners), (x, y)
 
 
 def test_the_asynchronous_client_works_here_too(image: np.ndarray) -> None:

@@ -6,6 +6,7 @@ import html
 import io
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 _WIDE, _HIGH, _ACROSS, _DOWN, _EDGE = 150, 40, 190, 64, 10
 """px of a box, from one box to the next, and around them all."""
@@ -17,6 +18,8 @@ _DENSE, _SMOOTH = 2, 2
 """pixels of a PNG in a px, and how many times as many are drawn to smooth them"""
 
 Point = tuple[float, float]
+Curve = tuple[Point, Point, Point, Point]
+"""A cubic Bezier curve."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +36,7 @@ class Box:
 def to_svg(boxes: Mapping[str, Box]) -> str:
     """The drawing of boxes by their names. Boxes of a column stand one below the other in the order given."""
     places, (width, height) = _placed(boxes)
-    lines = [f'<path d="M{a[0]} {a[1]}C{b[0]} {b[1]} {c[0]} {c[1]} {d[0]} {d[1]}"/>' for a, b, c, d in _lines(boxes)]
+    lines = [f'<path d="{_path(line)}"/>' for line in _lines(boxes)]
     fills = "".join(f".{kind}{{fill:{fill}}}" for kind, fill in _FILLS.items())
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
@@ -57,8 +60,9 @@ def to_png(boxes: Mapping[str, Box]) -> bytes | None:
     draw = ImageDraw.Draw(picture)
     stroke = round(_STROKE * scale)
     title, small = (ImageFont.load_default(each * scale) for each in (_TITLE, _SMALL))
-    for curve in _lines(boxes):
-        draw.line([(round(x * scale), round(y * scale)) for x, y in _points(*curve)], _LINE, stroke)
+    for line in _lines(boxes):
+        points = [point for curve in line for point in _points(*curve)]
+        draw.line([(round(x * scale), round(y * scale)) for x, y in points], _LINE, stroke)
     for name, box in boxes.items():
         x, y = (each * scale for each in places[name])
         corners = (x, y, x + _WIDE * scale, y + _HIGH * scale)
@@ -72,25 +76,58 @@ def to_png(boxes: Mapping[str, Box]) -> bytes | None:
 
 def _placed(boxes: Mapping[str, Box]) -> tuple[dict[str, tuple[int, int]], tuple[int, int]]:
     """The corner of every box, and the size of the drawing."""
+    rows = _rows(boxes)
+    places = {name: _corner(box.column, rows[name, box.column]) for name, box in boxes.items()}
+    width, height = (
+        max(each) for each in zip(*(_corner(column, row) for (_, column), row in rows.items()), strict=True)
+    )
+    return places, (width + _WIDE + _EDGE, height + _HIGH + _EDGE)
+
+
+def _corner(column: int, row: int) -> tuple[int, int]:
+    return _EDGE + column * _ACROSS, _EDGE + row * _DOWN
+
+
+def _rows(boxes: Mapping[str, Box]) -> dict[tuple[str, int], int]:
+    """By name and column: the row of every box, and below the boxes of a column those in which pass the lines of what
+    is read further right."""
+    reached = {name: max((each.column for each in boxes.values() if name in each.sources), default=0) for name in boxes}
+    passing = [(name, column) for name, box in boxes.items() for column in range(box.column + 1, reached[name])]
     filled: dict[int, int] = {}
-    places = {}
-    for name, box in boxes.items():
-        row = filled.get(box.column, 0)
-        places[name] = (_EDGE + box.column * _ACROSS, _EDGE + row * _DOWN)
-        filled[box.column] = row + 1
-    width, height = (max(each) for each in zip(*places.values(), strict=True))
-    return places, (width + _WIDE + 2 * _EDGE, height + _HIGH + 2 * _EDGE)
+    rows = {}
+    for name, column in [*((name, box.column) for name, box in boxes.items()), *passing]:
+        rows[name, column] = filled.get(column, 0)
+        filled[column] = rows[name, column] + 1
+    return rows
 
 
-def _lines(boxes: Mapping[str, Box]) -> Iterator[tuple[Point, Point, Point, Point]]:
-    """Cubic Bezier curves from the right of a box to the left of one that reads it."""
-    places, _ = _placed(boxes)
+def _lines(boxes: Mapping[str, Box]) -> Iterator[list[Curve]]:
+    """From the right of a box to the left of each that reads it, straight through the columns between."""
+    rows = _rows(boxes)
     for name, box in boxes.items():
         for source in box.sources:
-            (x1, y1), (x2, y2) = places[source], places[name]
-            start, end = (x1 + _WIDE, y1 + _HIGH // 2), (x2, y2 + _HIGH // 2)
-            middle = (start[0] + end[0]) // 2
-            yield start, (middle, start[1]), (middle, end[1]), end
+            first = boxes[source].column
+            passed = [_corner(column, rows[source, column]) for column in range(first, box.column)]
+            corners = [*passed, _corner(box.column, rows[name, box.column])]
+            line = []
+            for number, ((x1, y1), (x2, y2)) in enumerate(pairwise(corners)):
+                if number:
+                    line.append(_curve((x1, y1), (x1 + _WIDE, y1)))
+                line.append(_curve((x1 + _WIDE, y1), (x2, y2)))
+            yield line
+
+
+def _curve(start: tuple[int, int], end: tuple[int, int]) -> Curve:
+    """Between the middles of two sides, by the corners above them; it leaves and arrives level."""
+    (x1, y1), (x2, y2) = ((x, y + _HIGH // 2) for x, y in (start, end))
+    middle = (x1 + x2) // 2
+    return (x1, y1), (middle, y1), (middle, y2), (x2, y2)
+
+
+def _path(line: list[Curve]) -> str:
+    """In words of SVG."""
+    curves = "".join(f"C{b[0]} {b[1]} {c[0]} {c[1]} {d[0]} {d[1]}" for _, b, c, d in line)
+    return f"M{line[0][0][0]} {line[0][0][1]}{curves}"
 
 
 def _points(a: Point, b: Point, c: Point, d: Point, count: int = 24) -> Iterator[Point]:
