@@ -433,6 +433,34 @@ def test_a_job_that_was_given_up_or_takes_long_is_an_error(
     assert server.received[-1].method == "DELETE"
 
 
+@pytest.mark.parametrize("kind", ["operation", "pipeline", "scene"])
+def test_results_of_jobs_explain_themselves(kind: str, server: Any, answer: Any) -> None:
+    """As the call would that was asked for, even where what was submitted has changed since."""
+    plan = {"nodes": [], "decisions": []}
+    ended = [answer(body=state("successful", 100)), answer(headers=[NPY], body=npy(np.zeros((1, 1))))]
+    server.script = [answer(202, body=state("accepted")), *ended, answer(body=json.dumps(plan).encode()), *ended]
+    built = Pipeline()
+    built.add("gaussian", built.input(), sigma=2)
+    scene = Scene(width=8).ambient(0.1, 0.1, 0.1)
+    with Client(server.url) as client:
+        if kind == "operation":
+            job = client.submit("gaussian", b"x", sigma=1, max_error=1e-3)
+        elif kind == "pipeline":
+            job = client.submit_pipeline(built, b"x", max_error=1e-3)
+            built.add("levels", built.input(), gamma=2)
+        else:
+            job = client.submit_scene(scene, max_error=1e-3)
+            scene.ambient(0.5, 0.5, 0.5)
+        assert job.result().explain() == plan
+        asked, told = server.received[0], server.received[3]
+        assert urlsplit(told.target).path == urlsplit(asked.target).path
+        assert parse_qs(urlsplit(told.target).query) == {**parse_qs(urlsplit(asked.target).query), "explain": ["true"]}
+        sent, again = (re.sub(rb"[0-9a-f]{32}", b"boundary", each.body) for each in (asked, told))
+        assert again == sent
+        with pytest.raises(ValueError, match="does not know where it came from"):
+            client.job("j1").result().explain()
+
+
 def test_jobs_can_be_awaited(server: Any, answer: Any) -> None:
     mixed = b"--b\r\nContent-Type: application/x-npy\r\nLichen-Output: %s\r\n\r\n%s\r\n"
     body = b"".join(mixed % (name, npy(np.zeros((1, 1)))) for name in (b"one", b"two")) + b"--b--\r\n"

@@ -115,13 +115,16 @@ def test_scenes_are_rendered_and_explained(url: str, client: Client) -> None:
 
     async def once() -> np.ndarray:
         async with AsyncClient(url) as other:
+            later = await (await other.submit_scene(scene, images={"sky": sky})).result(60)
+            assert await later.explain() == said
             return (await other.render(scene, images={"sky": sky})).array
 
+    said = client.explain_scene(scene, images={"sky": sky})
     np.testing.assert_array_equal(asyncio.run(once()), made.array)
     later = client.submit_scene(scene, images={"sky": sky}).result(60)
     assert isinstance(later, Result)
     assert later.content == made.content
-    said = client.explain_scene(scene, images={"sky": sky})
+    assert later.explain() == said
     assert {"node": "fog", "reason": "its density is 0"}.items() <= {
         key: value for each in said["decisions"] if each["node"] == "fog" for key, value in each.items()
     }.items()

@@ -7,6 +7,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 from lichen_client import calls, jobs
@@ -47,7 +48,7 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         """As `Client.run`."""
         call = await asyncio.to_thread(calls.run_call, operation, image, values, images=images, format=format)
         result = calls.read_result(await self._converse(call))
-        return replace(result, plan=lambda: self.explain(operation, image, images=images, format=format, **values))
+        return result.planned(partial(self.explain, operation, image, images=images, format=format, **values))
 
     async def explain(
         self,
@@ -95,7 +96,7 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         said, given = calls.settled(pipeline, images)
         call = await asyncio.to_thread(calls.pipeline_call, said, image, given, wishes, format=format)
         results = calls.read_results(await self._converse(call))
-        return results.planned(lambda: self.explain_pipeline(said, image, images=given, format=format, **wishes))
+        return results.planned(partial(self.explain_pipeline, said, image, images=given, format=format, **wishes))
 
     async def explain_pipeline(
         self,
@@ -126,7 +127,7 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         said, given = calls.settled(scene, images)
         call = await asyncio.to_thread(calls.scene_call, said, given, wishes, format=format)
         result = calls.read_result(await self._converse(call))
-        return replace(result, plan=lambda: self.explain_scene(said, images=given, format=format, **wishes))
+        return result.planned(partial(self.explain_scene, said, images=given, format=format, **wishes))
 
     async def explain_scene(
         self,
@@ -153,7 +154,8 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
     ) -> AsyncJob:
         """As `Client.submit`."""
         call = await asyncio.to_thread(calls.run_call, operation, image, values, images=images, format=format)
-        return AsyncJob(self, str((await self._document(calls.as_job(call)))["id"]))
+        plan = partial(self.explain, operation, image, images=images, format=format, **values)
+        return await self._submitted(call, plan)
 
     async def submit_pipeline(
         self,
@@ -166,8 +168,10 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         **wishes: Any,
     ) -> AsyncJob:
         """As `Client.submit_pipeline`."""
-        call = await asyncio.to_thread(calls.pipeline_call, pipeline, image, images, wishes, format=format)
-        return AsyncJob(self, str((await self._document(calls.as_job(call)))["id"]))
+        said, given = calls.settled(pipeline, images)
+        call = await asyncio.to_thread(calls.pipeline_call, said, image, given, wishes, format=format)
+        plan = partial(self.explain_pipeline, said, image, images=given, format=format, **wishes)
+        return await self._submitted(call, plan)
 
     async def submit_scene(
         self,
@@ -179,8 +183,9 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
         **wishes: Any,
     ) -> AsyncJob:
         """As `Client.submit_scene`."""
-        call = await asyncio.to_thread(calls.scene_call, scene, images, wishes, format=format)
-        return AsyncJob(self, str((await self._document(calls.as_job(call)))["id"]))
+        said, given = calls.settled(scene, images)
+        call = await asyncio.to_thread(calls.scene_call, said, given, wishes, format=format)
+        return await self._submitted(call, partial(self.explain_scene, said, images=given, format=format, **wishes))
 
     def job(self, id: str) -> AsyncJob:
         """As `Client.job`; asks nobody."""
@@ -225,6 +230,9 @@ class AsyncClient(Transport, Operations[Coroutine[Any, Any, Result]]):
 
     async def __aexit__(self, *exception: object) -> None:
         await self.close()
+
+    async def _submitted(self, call: Call, plan: Callable[[], Any]) -> AsyncJob:
+        return AsyncJob(self, str((await self._document(calls.as_job(call)))["id"]), plan)
 
     async def _document(self, call: Call) -> dict[str, Any]:
         return calls.read_json(await self._converse(call))
@@ -302,8 +310,8 @@ async def _cut(body: bytearray) -> AsyncIterator[bytes]:
 class AsyncJob:
     """`Job` for asyncio."""
 
-    def __init__(self, client: AsyncClient, id: str) -> None:
-        self._client = client
+    def __init__(self, client: AsyncClient, id: str, plan: Callable[[], Any] | None = None) -> None:
+        self._client, self._plan = client, plan
         self.id = id
 
     def __repr__(self) -> str:
@@ -331,7 +339,7 @@ class AsyncJob:
         """As `Job.result`."""
         if (await self.wait(timeout, progress=progress)).status == "dismissed":
             raise jobs.Dismissed(f"job {self.id} was dismissed")
-        return calls.read_any(await self._client._converse(calls.result_call(self.id)))
+        return calls.read_any(await self._client._converse(calls.result_call(self.id))).planned(self._plan)
 
     async def dismiss(self) -> None:
         """As `Job.dismiss`."""

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 from lichen_client import calls, jobs
@@ -71,7 +72,7 @@ class Client(Transport, Operations[Result]):
         """
         call = calls.run_call(operation, image, values, images=images, format=format)
         result = calls.read_result(self._converse(call))
-        return replace(result, plan=lambda: self.explain(operation, image, images=images, format=format, **values))
+        return result.planned(partial(self.explain, operation, image, images=images, format=format, **values))
 
     def explain(
         self,
@@ -122,7 +123,7 @@ class Client(Transport, Operations[Result]):
         said, given = calls.settled(pipeline, images)
         call = calls.pipeline_call(said, image, given, wishes, format=format)
         results = calls.read_results(self._converse(call))
-        return results.planned(lambda: self.explain_pipeline(said, image, images=given, format=format, **wishes))
+        return results.planned(partial(self.explain_pipeline, said, image, images=given, format=format, **wishes))
 
     def explain_pipeline(
         self,
@@ -151,7 +152,7 @@ class Client(Transport, Operations[Result]):
         said, given = calls.settled(scene, images)
         call = calls.scene_call(said, given, wishes, format=format)
         result = calls.read_result(self._converse(call))
-        return replace(result, plan=lambda: self.explain_scene(said, images=given, format=format, **wishes))
+        return result.planned(partial(self.explain_scene, said, images=given, format=format, **wishes))
 
     def explain_scene(
         self,
@@ -179,7 +180,8 @@ class Client(Transport, Operations[Result]):
         **values: Any,
     ) -> Job:
         """Asks for what `run` would give and does not wait for it."""
-        return self._submitted(calls.run_call(operation, image, values, images=images, format=format))
+        call = calls.run_call(operation, image, values, images=images, format=format)
+        return self._submitted(call, partial(self.explain, operation, image, images=images, format=format, **values))
 
     def submit_pipeline(
         self,
@@ -192,7 +194,9 @@ class Client(Transport, Operations[Result]):
         **wishes: Any,
     ) -> Job:
         """Asks for what `run_pipeline` would give and does not wait for it."""
-        return self._submitted(calls.pipeline_call(pipeline, image, images, wishes, format=format))
+        said, given = calls.settled(pipeline, images)
+        call = calls.pipeline_call(said, image, given, wishes, format=format)
+        return self._submitted(call, partial(self.explain_pipeline, said, image, images=given, format=format, **wishes))
 
     def submit_scene(
         self,
@@ -204,10 +208,12 @@ class Client(Transport, Operations[Result]):
         **wishes: Any,
     ) -> Job:
         """Asks for what `render` would give and does not wait for it."""
-        return self._submitted(calls.scene_call(scene, images, wishes, format=format))
+        said, given = calls.settled(scene, images)
+        call = calls.scene_call(said, given, wishes, format=format)
+        return self._submitted(call, partial(self.explain_scene, said, images=given, format=format, **wishes))
 
     def job(self, id: str) -> Job:
-        """A job by its id, as another process may have made it."""
+        """A job by its id, as another process may have made it; its result does not know where it came from."""
         return Job(self, id)
 
     def store(self, image: ImageLike) -> Asset:
@@ -249,8 +255,8 @@ class Client(Transport, Operations[Result]):
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def _submitted(self, call: Call) -> Job:
-        return Job(self, str(self._document(calls.as_job(call))["id"]))
+    def _submitted(self, call: Call, plan: Callable[[], Any]) -> Job:
+        return Job(self, str(self._document(calls.as_job(call))["id"]), plan)
 
     def _document(self, call: Call) -> dict[str, Any]:
         return calls.read_json(self._converse(call))
@@ -328,8 +334,8 @@ class Client(Transport, Operations[Result]):
 class Job:
     """Work that the service does in the background. May be asked from any thread."""
 
-    def __init__(self, client: Client, id: str) -> None:
-        self._client = client
+    def __init__(self, client: Client, id: str, plan: Callable[[], Any] | None = None) -> None:
+        self._client, self._plan = client, plan
         self.id = id
 
     def __repr__(self) -> str:
@@ -363,7 +369,7 @@ class Job:
         """
         if self.wait(timeout, progress=progress).status == "dismissed":
             raise jobs.Dismissed(f"job {self.id} was dismissed")
-        return calls.read_any(self._client._converse(calls.result_call(self.id)))
+        return calls.read_any(self._client._converse(calls.result_call(self.id))).planned(self._plan)
 
     def dismiss(self) -> None:
         """Gives it up, or, where it has ended, lets the service forget it."""

@@ -178,9 +178,14 @@ class Result:
     def explain(self) -> Any:
         """The plan this result followed: nodes, methods with what the others would have cost, decisions with reasons.
 
-        Asks the service once more, without computing a pixel; of an `AsyncClient`, to be awaited.
+        Asks the service once more, without computing a pixel; of an `AsyncClient`, to be awaited. Raises ValueError
+        for the result of a job that was found by its id alone.
         """
         return _asked(self.plan)
+
+    def planned(self, plan: Callable[[], Any] | None) -> Result:
+        """The same result, which knows where it came from."""
+        return replace(self, plan=plan)
 
     def _repr_png_(self) -> bytes | None:
         """What a notebook shows."""
@@ -242,9 +247,9 @@ class Results(Mapping[str, Result]):
         """The plan that all of them followed; see `Result.explain`."""
         return _asked(self.plan)
 
-    def planned(self, plan: Callable[[], Any]) -> Results:
+    def planned(self, plan: Callable[[], Any] | None) -> Results:
         """The same results, which know where they came from."""
-        outputs = {name: replace(each, plan=plan) for name, each in self.outputs.items()}
+        outputs = {name: each.planned(plan) for name, each in self.outputs.items()}
         return replace(self, outputs=outputs, plan=plan)
 
     def __getitem__(self, name: str) -> Result:
