@@ -1,9 +1,9 @@
 """Where a pointwise operation errs: its largest error by the value that it reads, and how its errors are distributed.
 
 It is given two pictures of colours whose largest sample is swept: one within [0, 1], the domain of displays, for which
-some methods are made, and one from -16 to 16384, which only others take. Half of the colours are grey, half are of
-shares drawn for each: as many of every half octave in [0, 1], and of every octave above 0 and every second one below
-it in the wide range.
+some methods are made, and one from -16 to 16384, which only others take. Half of the colours are grey; of the others
+each sample is a share of the largest, a sixteenth at least. There are as many of every half octave in [0, 1], and in
+the wide range of every octave above 0 and every second one below it.
 
 What is told is the worse of the backends, of all methods at their finest and one at its coarsest: the largest error in
 output units and in units in the last place (ULP) of the exact result as float32, and the quantiles of the latter in
@@ -33,6 +33,8 @@ from lichen.study import Chart, Study, brief
 DRAWS = 256
 """Colours of every part of a range."""
 SHARES = (0.5, 0.99, 0.999, 1.0)
+LEAST = 1 / 16
+"""Share of the largest sample of a colour that its others have at least: they are of its order."""
 ROUNDED = 0.5
 """ULP that the exact result is off at most when it is rounded."""
 
@@ -63,7 +65,7 @@ class Range:
             at[0], at[2] = 0, 1
             straight = low <= 0 <= high
             values = low + at * (high - low) if straight else low * (high / low) ** at
-            shares = rng.uniform(size=(DRAWS, channels))
+            shares = rng.uniform(LEAST, 1, size=(DRAWS, channels))
             shares[np.arange(DRAWS), rng.integers(channels, size=DRAWS)] = 1
             shares[::2] = 1
             rows.append(values * shares)

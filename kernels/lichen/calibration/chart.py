@@ -113,6 +113,12 @@ def _meet(one: Box, other: Box) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
+def nearest(box: Box, x: float, y: float) -> tuple[float, float]:
+    """The point of a box that is nearest to (x, y)."""
+    left, top, right, bottom = box
+    return min(max(x, left), right), min(max(y, top), bottom)
+
+
 def apart(texts: Iterable[Text]) -> list[Text]:
     """Those that stay `SPACE` px beside the texts kept before them: the most important come first."""
     kept: list[Text] = []

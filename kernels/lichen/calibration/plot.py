@@ -9,11 +9,11 @@ reason beside them, an error of zero stands at the right edge.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from lichen.calibration.chart import Labels, Scale, apart, spanning, wrapped
+from lichen.calibration.chart import Labels, Scale, apart, nearest, spanning, wrapped
 from lichen.calibration.drawing import HUES, Area, Dot, Drawing, Form, Line, Shape, Text
 from lichen.calibration.panel import panel
 from lichen.calibration.report import DOUBLES, PLAIN, Report, Setting, Verdict, milliseconds, scientific, short
@@ -22,6 +22,8 @@ WIDTH = 960
 LEFT, RIGHT = 70.0, WIDTH - 30.0
 HEIGHT = 360.0
 """of the frame"""
+NEAR, FAR = 11.0, (22.0, 34.0, 48.0, 64.0, 84.0)
+"""How far a name stays from the middle of its mark, px, and how far where there is no place."""
 SHAPES: Mapping[str, Form] = {
     "float16": "diamond",
     "fixed8": "square",
@@ -120,8 +122,8 @@ class _Plot:
         dots = list(self._dots())
         labels = Labels((LEFT, self.top, RIGHT, self.bottom), ((dot.x, dot.y, dot.radius + 1) for dot in dots))
         failed = self._failed(labels)
-        self._label(labels)
-        shapes += [*dots, *failed, *labels.placed, *caption]
+        leading = list(self._label(labels))
+        shapes += [*leading, *dots, *failed, *labels.placed, *caption]
         if self.report.study:
             below, end = panel(self.report.study, LEFT, RIGHT, float(height), self.methods)
             shapes, height = [*shapes, *below], round(end + 22)
@@ -227,15 +229,20 @@ class _Plot:
             labels.reserve((LEFT, y - 10, text.box[2], y + 10))
         return shapes
 
-    def _label(self, labels: Labels) -> None:
-        """Methods and peers by name, then knobs: first those worth taking, then as many others as find a place."""
-        named = set()
-        for setting, _ in sorted(self.shown, key=lambda pair: self._naming(pair[0])):
-            if setting.method not in named and (setting.peer or setting.precision == PLAIN):
-                at, bold = (self.across(self.error(setting)), self.up(setting)), not setting.peer
-                role = self.hue(setting.method)
-                if labels.put(*at, setting.method, role=role, size=13.5, bold=bold, gap=11):
-                    named.add(setting.method)
+    def _label(self, labels: Labels) -> Iterator[Shape]:
+        """Methods and peers by name, then knobs: first those worth taking, then as many others as find a place. Gives
+        the lines that lead to names which found none beside their mark."""
+        shown = [each for each, _ in self.shown if each.peer or each.precision == PLAIN]
+        named = set[str]()
+        for gap in NEAR, *FAR:
+            for setting in sorted(shown, key=self._naming):
+                if setting.method not in named:
+                    x, y = self.across(self.error(setting)), self.up(setting)
+                    role, bold = self.hue(setting.method), not setting.peer
+                    if labels.put(x, y, setting.method, role=role, size=13.5, bold=bold, gap=gap):
+                        named.add(setting.method)
+                        if gap != NEAR:
+                            yield Line([(x, y), nearest(labels.placed[-1].box, x, y)], role)
         order = {"worthwhile": 0, "front": 1, "dominated": 2, "variant": 3}
         for setting, verdict in sorted(self.shown, key=lambda pair: order.get(pair[1].standing, 4)):
             text = short(setting.knob) if setting.knob is not None else ""

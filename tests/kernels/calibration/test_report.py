@@ -14,7 +14,7 @@ from lichen.accuracy.precision import PRECISIONS
 from lichen.calibration import report as words
 from lichen.calibration.chart import Labels, spanning
 from lichen.calibration.corpus import typical
-from lichen.calibration.drawing import DENSITY, THEMES, Dot, Text, dashes, to_png, to_svg
+from lichen.calibration.drawing import DENSITY, HUES, THEMES, Dot, Line, Text, dashes, to_png, to_svg
 from lichen.calibration.examples import default_example
 from lichen.calibration.gather import measured, predicted
 from lichen.calibration.peers import PEERS, peers
@@ -103,6 +103,31 @@ def test_texts_do_not_cover_each_other() -> None:
     for i, a in enumerate(boxes):
         for b in boxes[i + 1 :]:
             assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (a, b)
+
+
+@pytest.mark.parametrize("name", list(lichen.operations()))
+def test_every_method_worth_taking_is_named(name: str) -> None:
+    report = predicted(lichen.operations()[name])
+    texts = {shape.text for shape in plot(report).shapes if isinstance(shape, Text)}
+    assert texts >= {setting.method for setting in report.worthwhile}
+
+
+def test_a_line_leads_to_a_name_that_is_not_beside_its_mark() -> None:
+    """Of settings in one place all have names, and lines lead to those that lie further off."""
+    crowd = [setting(f"method{i}", None, 1 + i / 1e4, 1e-3) for i in range(8)]
+    others = setting("coarse", None, 0.1, 1), setting("alone", None, 10, 1e-6)
+    drawing = plot(report(*crowd, *others))
+    names = {shape.text: shape for shape in drawing.shapes if isinstance(shape, Text)}
+    assert names.keys() >= {each.method for each in (*crowd, *others)}
+    ends = [shape.points[1] for shape in drawing.shapes if isinstance(shape, Line) and shape.role in HUES]
+    led = {
+        name
+        for name, text in names.items()
+        for x, y in ends
+        if text.box[0] <= x <= text.box[2] and text.box[1] <= y <= text.box[3]
+    }
+    assert 2 <= len(led) <= 6
+    assert not led & {"coarse", "alone"}
 
 
 def test_drawings_are_the_same_bytes_again_and_speak_ascii() -> None:
