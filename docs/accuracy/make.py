@@ -21,7 +21,8 @@ from lichen.calibration.drawing import to_png, to_svg
 from lichen.calibration.examples import SIZE
 from lichen.calibration.gather import measured, predicted
 from lichen.calibration.plot import plot
-from lichen.calibration.report import Report, label_of, milliseconds, scientific
+from lichen.calibration.report import Report
+from lichen.calibration.words import label_of, milliseconds, scientific
 from lichen.operation import Operation
 from lichen_service.documents import plain
 

@@ -19,7 +19,7 @@ from lichen.accuracy.metrics import difference
 from lichen.accuracy.precision import Precision
 from lichen.calibration.chart import Scale
 from lichen.calibration.drawing import Area, Dot, Drawing, Line, Shape, Text, to_png, to_svg
-from lichen.calibration.report import scientific
+from lichen.calibration.words import scientific
 from lichen.memory import Array
 
 HERE = Path(__file__).resolve().parent

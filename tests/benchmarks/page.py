@@ -16,7 +16,7 @@ from bench import PARTS
 from reasons import REASONS
 
 from lichen.calibration.drawing import Drawing, to_svg
-from lichen.calibration.report import scientific
+from lichen.calibration.words import scientific
 
 Document = Mapping[str, Any]
 Draw = Callable[[str, Drawing], str]

@@ -8,7 +8,7 @@ from typing import Any
 
 from lichen.calibration.chart import Scale, spanning
 from lichen.calibration.drawing import HUES, Area, Dot, Drawing, Line, Shape, Text, text_width
-from lichen.calibration.report import scientific
+from lichen.calibration.words import scientific
 
 WIDTH = 920
 LEFT, RIGHT = 74.0, WIDTH - 26.0

@@ -183,7 +183,7 @@ def _table(report: Report, *, seen: bool) -> tuple[list[tuple[str, ...]], list[i
 
 
 def _row(setting: Setting, verdict: Verdict, *, seen: bool) -> tuple[str, ...]:
-    from lichen.calibration.report import milliseconds, scientific
+    from lichen.calibration.words import milliseconds, scientific
 
     mark = MARKS.get(verdict.standing, "")
     if setting.failed is not None:

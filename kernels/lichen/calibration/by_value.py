@@ -24,7 +24,7 @@ import numpy as np
 from lichen.accuracy.metrics import deviations, units_apart
 from lichen.calibration import sweep
 from lichen.calibration.corpus import Case, typical
-from lichen.calibration.report import scientific, short
+from lichen.calibration.words import scientific, short
 from lichen.image import Alpha, as_image
 from lichen.memory import Array, aligned
 from lichen.operation import POINTWISE, Operation, OperationParameters

@@ -11,7 +11,7 @@ from itertools import groupby
 
 from lichen.calibration.chart import Box, Scale, Signed, apart, spanning, wrapped
 from lichen.calibration.drawing import HUES, Area, Dot, Line, Shape, Text
-from lichen.calibration.report import capital, scientific
+from lichen.calibration.words import capital, scientific
 from lichen.study import Chart, Study
 
 HEIGHT = 220.0

@@ -16,7 +16,8 @@ from functools import cached_property
 from lichen.calibration.chart import Labels, Scale, apart, nearest, spanning, wrapped
 from lichen.calibration.drawing import HUES, Area, Dot, Drawing, Form, Line, Shape, Text
 from lichen.calibration.panel import panel
-from lichen.calibration.report import DOUBLES, PLAIN, Report, Setting, Verdict, milliseconds, scientific, short
+from lichen.calibration.report import Report, Setting, Verdict
+from lichen.calibration.words import DOUBLES, PLAIN, milliseconds, scientific, short
 
 WIDTH = 960
 LEFT, RIGHT = 70.0, WIDTH - 30.0

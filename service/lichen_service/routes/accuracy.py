@@ -19,7 +19,8 @@ from lichen.calibration.drawing import to_png, to_svg
 from lichen.calibration.examples import SIZE, SIZES
 from lichen.calibration.gather import predicted
 from lichen.calibration.plot import plot
-from lichen.calibration.report import PLAIN, Report
+from lichen.calibration.report import Report
+from lichen.calibration.words import PLAIN
 from lichen.errors import Flaw, InvalidRequest, nearest
 from lichen.opencl.device import default_device
 from lichen.operation import Operation

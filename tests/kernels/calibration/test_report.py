@@ -11,7 +11,6 @@ import pytest
 
 import lichen
 from lichen.accuracy.precision import PRECISIONS
-from lichen.calibration import report as words
 from lichen.calibration.chart import Labels, spanning
 from lichen.calibration.corpus import typical
 from lichen.calibration.drawing import DENSITY, HUES, THEMES, Dot, Line, Text, dashes, to_png, to_svg
@@ -19,7 +18,8 @@ from lichen.calibration.examples import default_example
 from lichen.calibration.gather import measured, predicted
 from lichen.calibration.peers import PEERS, peers
 from lichen.calibration.plot import plot
-from lichen.calibration.report import Report, Setting, round_errors, scientific, short
+from lichen.calibration.report import Report, Setting
+from lichen.calibration.words import milliseconds, round_errors, scientific, short
 from lichen.files import decode
 
 NAN = math.nan
@@ -171,7 +171,7 @@ def test_numbers_are_short() -> None:
     ]
     assert [short(each) for each in (1e-4, 0.01, 0.25, 2.0, 65536.0)] == ["1e-4", "1e-2", "0.25", "2", "65536"]
     assert round_errors(3e-3, 2e-5) == [1e-2, 1e-3, 1e-4]
-    assert words.milliseconds(0.0123) == "12 ms"
+    assert milliseconds(0.0123) == "12 ms"
 
 
 # ------------------------------------------------------------------------------------------------- of real operations
