@@ -182,13 +182,11 @@ def _told(name: str, found: Found, quantiles: Mapping[str, Sequence[float]]) -> 
         text = f"{name}: {'; '.join(told)}."
     if name not in found[WIDE.name]:
         text += " It takes no other values."
-    errors = _largest(found[DISPLAY.name][name].apart) if name in found[DISPLAY.name] else ()
-    if known := [(error, part) for error, part in zip(errors, DISPLAY.parts, strict=False) if error]:
-        worst, (low, high) = max(known)
-        text += (
-            f" The largest error in [0, 1] is {scientific(worst)}, between {scientific(low)} and {scientific(high)}."
-        )
-    if mismatched := sum(own[name].mismatched for own in found.values() if name in own):
+    if own := found[DISPLAY.name].get(name):
+        worst, ends = max(zip(((error or 0.0) for error in _largest(own.apart)), DISPLAY.parts, strict=True))
+        where = " and ".join(map(scientific, ends))
+        text += f" The largest error in [0, 1] is {scientific(worst)}, between {where}." if worst else ""
+    if mismatched := sum(each[name].mismatched for each in found.values() if name in each):
         text += f" {mismatched} results are finite where the exact one is not, or the other way."
     return text
 
