@@ -89,7 +89,7 @@ def _veiled(nodes: Nodes) -> bool:
     if "depth" in scene.buffers.given and scene.camera.depth_kind not in PLAIN:
         return False  # fog and background would see different depths
     lamps = [step for step in nodes.steps.values() if step.operation == "lighting"]
-    return understood("fog", scene.fog, "/fog").endless and all("position" in step.inputs for step in lamps)
+    return understood("fog", scene.fog, "/fog").opaque and all("position" in step.inputs for step in lamps)
 
 
 def _shines(nodes: Nodes) -> bool:

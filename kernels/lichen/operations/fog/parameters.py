@@ -108,7 +108,7 @@ class Parameters(View):
         return self.density == 0 or (self.kind is Kind.LAYERED and not any(self.densities))
 
     @property
-    def endless(self) -> bool:
+    def opaque(self) -> bool:
         """Whether nothing at all comes through from infinitely far, in whatever direction."""
         if self.background is Background.KEEP:
             return False
