@@ -394,7 +394,8 @@ def _skipped(findings: Mapping[str, Mapping[str, Any]]) -> Iterator[Decision]:
 
 def _measured(image: Image, device: Device | None) -> Image:
     """`image` with its extent known, found by the device where that is quicker."""
-    worthwhile = image.pixels.dtype == np.float32 and image.pixels.size >= MEASURED_ON_DEVICE
-    if device is not None and worthwhile and "extent" not in vars(image):
+    if device is None or "extent" in vars(image):
+        return image
+    if image.pixels.dtype == np.float32 and image.pixels.size >= MEASURED_ON_DEVICE:
         vars(image)["extent"] = device_extent(device, image.pixels)
     return image

@@ -16,7 +16,7 @@ import numpy as np
 
 from lichen.accuracy.precision import Precision, kept
 from lichen.errors import LichenError
-from lichen.image import Image, Storage
+from lichen.image import Image, Storage, StoredImage
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.opencl.programs import compose
@@ -196,11 +196,17 @@ def _single(image: Image) -> Image:
     return image if pixels is image.pixels else image.replace(pixels=pixels)
 
 
+def _floats(image: Image, read: bool) -> Image:
+    """A source as steps read it: one whose samples are stored keeps them, and the floats go after their last reader."""
+    return image.floats() if read and isinstance(image, StoredImage) and "pixels" not in vars(image) else image
+
+
 def walk(
     graph: Graph, sources: Mapping[str, Image], compute: Compute, observe: Observe = lambda *seen: None
 ) -> dict[str, Image]:
     """Run the nodes in order and return the outputs. Values are dropped after their last reader."""
-    values = {name: kept(image, graph.precision) for name, image in sources.items()}
+    read = {source for node in graph.running() for source in node.inputs.values()}
+    values = {name: kept(_floats(image, name in read), graph.precision) for name, image in sources.items()}
     known = graph.facts()
     last = last_readers(graph)
     for node in graph.running():

@@ -8,7 +8,7 @@ Integers are decoded to [0, 1]; values outside that interval are kept; nothing i
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -126,6 +126,47 @@ class Image:
             f"Image({self.width}x{self.height}, {self.channels} channels, {self.pixels.dtype}, "
             f"space={self.space}, alpha={self.alpha}, storage={self.storage})"
         )
+
+
+class StoredImage(Image):
+    """An image of samples as they are stored, which become floats where somebody asks for them: those are four times as
+    many bytes of 8 bits, and whoever only stores it again needs none."""
+
+    def __init__(self, samples: Array, widen: Callable[[Array], Array], **known: Any) -> None:
+        """`samples` are integers of the storage in `known`, which holds the other fields of an image; `widen` makes the
+        pixels of them."""
+        super().__init__(samples, **known)
+        vars(self).update(samples=vars(self).pop("pixels"), _widen=widen)
+
+    samples: Array
+    _widen: Callable[[Array], Array]
+
+    @cached_property
+    def pixels(self) -> Array:
+        return self._widen(self.samples)
+
+    def floats(self) -> Image:
+        """The same with pixels of its own, which go when it does."""
+        made = Image(self._widen(self.samples), self.space, self.alpha, self.storage, self.metadata, self.pages)
+        if "extent" in vars(self):
+            vars(made)["extent"] = self.extent
+        return made
+
+    @property
+    def height(self) -> int:
+        return int(self.samples.shape[0])
+
+    @property
+    def width(self) -> int:
+        return int(self.samples.shape[1])
+
+    @property
+    def channels(self) -> int:
+        return int(self.samples.shape[2])
+
+    def replace(self, **changes: Any) -> Image:
+        same = {each.name: getattr(self, each.name) for each in dataclasses.fields(Image) if each.name not in changes}
+        return Image(**same, **changes)
 
 
 def as_image(value: Image | npt.ArrayLike, *, pointer: str = "/inputs/image") -> Image:

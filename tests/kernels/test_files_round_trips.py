@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import lichen
 from lichen import files
 from lichen.errors import InvalidRequest, UnreadableImage, UnsupportedFormat
 from lichen.files.samples import extent_of, to_floats
@@ -260,3 +261,28 @@ def test_the_range_of_samples_is_that_of_their_floats(kind: type) -> None:
         assert extent_of(samples) == measure_extent(to_floats(samples))
     samples.reshape(-1)[[0, -2]] = 7
     assert extent_of(samples) == measure_extent(to_floats(samples))
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_stored_samples_become_floats_only_where_they_are_read(kind: type) -> None:
+    samples = np.random.default_rng(3).integers(0, np.iinfo(kind).max, (40, 31, 3), kind, endpoint=True)
+    file = files.encode(as_image(samples).replace(space=Space.SRGB), "png").data
+    widened: list[tuple[int, ...]] = []
+
+    def widen(stored: Array) -> Array:
+        widened.append(stored.shape)
+        return to_floats(stored)
+
+    image = files.decode(file, widen=widen)
+    assert (image.height, image.width, image.channels) == samples.shape
+    same = lichen.run("levels", image).image
+    assert files.decode(files.encode(same, "png").data).pixels.tobytes() == to_floats(samples).tobytes()
+    assert not widened, "nothing has read a float"
+    mirrored = lichen.run("levels", image, black=1, white=0).image
+    np.testing.assert_allclose(mirrored.pixels, 1 - to_floats(samples), atol=1e-6)
+    assert len(widened) == 1
+    assert "pixels" not in vars(image), "the floats belong to the run"
+    assert image.replace(storage=Storage.FLOAT32).pixels.tobytes() == to_floats(samples).tobytes()
+    plain = image.replace()
+    again = [files.encode(each, "png", storage=Storage.UINT16).data for each in (image, plain)]
+    assert again[0] == again[1]

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import PurePath
+from typing import Any
 
 from lichen.errors import UnreadableImage, UnsupportedFormat, nearest
 from lichen.files.exr import exr
@@ -31,8 +32,8 @@ from lichen.files.samples import extent_of, to_floats, to_storage, upright
 from lichen.files.tiff import tiff
 from lichen.files.vti import vti
 from lichen.files.webp import webp
-from lichen.image import Image, Storage
-from lichen.memory import Array
+from lichen.image import Image, Storage, StoredImage
+from lichen.memory import Array, aligned
 
 __all__ = [
     "FORMATS",
@@ -97,10 +98,14 @@ def assembled(header: Header, samples: Array, widen: Widen = to_floats) -> Image
     """The image that a header describes, of samples as they are stored. Raises `UnreadableImage` where they differ."""
     if samples.shape != header.stored_shape:
         raise UnreadableImage(f"The {header.format} header claims {header.stored_shape}, the data {samples.shape}.")
-    pixels = widen(upright(samples, header.orientation))
-    image = Image(pixels, header.space, header.alpha, header.storage, header.metadata)
-    if (extent := extent_of(samples)) is not None:
-        vars(image)["extent"] = extent  # measured where there are fewer bytes
+    shown = upright(samples, header.orientation)
+    known: Any = {
+        "space": header.space, "alpha": header.alpha, "storage": header.storage, "metadata": header.metadata
+    }  # fmt: skip
+    if (extent := extent_of(samples)) is None:
+        return Image(widen(shown), **known)
+    image = StoredImage(aligned(shown, shown.dtype), widen, **known)
+    vars(image)["extent"] = extent  # measured where there are fewer bytes
     return image
 
 
@@ -126,7 +131,10 @@ def encode(
     target = FORMATS[format]
     storage = storage or target.storage_for(image.storage)
     target.check(image, storage, quality)
-    samples, clipped, nonfinite = quantise(image.pixels, storage)
+    if isinstance(image, StoredImage) and image.storage is storage:
+        samples, clipped, nonfinite = image.samples, 0, 0
+    else:
+        samples, clipped, nonfinite = quantise(image.pixels, storage)
     return Encoded(target.write(samples, image, quality), target.media_type, clipped, nonfinite)
 
 

@@ -24,8 +24,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-import numpy as np
-
 from lichen.coding import assembled, decode
 from lichen.errors import UnreadableImage, UnsupportedFormat
 from lichen.files import Data, Limits, encode, recognise
@@ -46,13 +44,11 @@ HERE = frozenset(("npy",))
 UNABLE = "The image cannot be decoded: what decodes it failed, or took too long."
 
 
-def _own(image: Image, samples: Array) -> Image:
-    """An image that does not lie in the memory of its samples."""
-    if not np.may_share_memory(image.pixels, samples):
-        return image
-    pixels = aligned_empty(image.pixels.shape, image.pixels.dtype)
-    pixels[...] = image.pixels
-    return image.replace(pixels=pixels)
+def _own(samples: Array) -> Array:
+    """A copy that no decoder writes to."""
+    own = aligned_empty(samples.shape, samples.dtype)
+    own[...] = samples
+    return own
 
 
 class Died(Exception):
@@ -157,7 +153,7 @@ class Decoders:
             return decode(data, limits=limits, media_type=media_type)
         header = format.read_header(memoryview(data).cast("B"))
         header.check(limits)
-        return self._made(data, "", lambda samples: _own(assembled(header, samples), samples))
+        return self._made(data, "", lambda samples: assembled(header, _own(samples)))
 
     def plain(self, data: Data, *, media_type: str | None = None, select: str = "") -> Data:
         """The bytes, or what the selection says of a file of data, as NPY. Raises as `decode`, and `InvalidRequest`
