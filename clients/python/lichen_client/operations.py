@@ -1557,7 +1557,7 @@ class Operations(Generic[R]):
         order: exponentials in the response; 2 to 8; a knob
         poles: poles of the all-pole filter; 3 to 5; a knob
         extended: 1: boxes with parts of pixels at their ends; 0 to 1; a knob
-        method: fir, dct, deriche, vliet-young, box3
+        method: fir, multirate, dct, deriche, vliet-young, box3
         """
         return self.run(
             "gaussian",

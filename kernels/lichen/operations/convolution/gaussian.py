@@ -18,6 +18,8 @@ Methods, cheapest first where the blur is wide:
   to 1, so one pass is wrong by at most the weight cut off times the spread of the input, and two passes by twice that.
   Where the kernel is longer than the image the taps are folded onto the image by the border rule, which is exact and
   bounds the work. A kernel with turned axes becomes a sum of columns times rows that leaves at most `tail` of it.
+* `multirate` is two narrower Gaussians down the image, of the first of which every s-th row is kept, and `fir` along
+  those few rows. The wider the blur, the fewer there are; the work hardly depends on it.
 * `dct`, for the reflecting border: the cosine transform diagonalises a symmetric kernel there, and a wide Gaussian
   passes only low frequencies. The transform is computed for those K modes alone, as two thin matrix products, so the
   work *falls* as sigma grows and any image size is as good as another. Its eigenvalues are sums of Gaussians by
@@ -26,7 +28,7 @@ Methods, cheapest first where the blur is wide:
 
 Sources: Getreuer, A Survey of Gaussian Convolution Algorithms, IPOL 3 (2013); Martucci, Symmetric convolution and the
 discrete sine and cosine transforms, IEEE Trans. Signal Processing 42 (1994) for the symmetries; those of the modules
-`recursive_filters`, `boxes`, `gaussian_turned` and `missing`.
+`recursive_filters`, `boxes`, `multirate`, `gaussian_turned` and `missing`.
 """
 
 from __future__ import annotations
@@ -47,6 +49,7 @@ from lichen.operations.convolution.gaussian_base import Parameters, masked_radiu
 from lichen.operations.convolution.gaussian_cases import CASES
 from lichen.operations.convolution.gaussian_turned import Turned
 from lichen.operations.convolution.gaussian_weights import MOST_TAIL, dct_bases, fir_weights, half_kernel
+from lichen.operations.convolution.multirate import multirate_numpy, multirate_opencl, rates
 from lichen.operations.convolution.passes import Steps, Vector, folded, separable_numpy, separable_opencl
 from lichen.operations.convolution.recursive import recursive_numpy, recursive_opencl
 from lichen.operations.convolution.stencil import Stencil, correlate_numpy, correlate_opencl
@@ -206,6 +209,35 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
     taps = gaussian_turned.cut(turned, tail)[0]
     terms = gaussian_turned.taken_apart(turned, tail)[0]
     return lowrank.passes(terms, taps.shape[0] // 2, taps.shape[1] // 2, 0.0, value)
+
+
+@gaussian.method(
+    "multirate",
+    scratch=1.2,
+    knob=Knob(
+        "tail",
+        (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7),
+        "weight that is cut off, or that leaving rows out moves",
+        1e-9,
+        MOST_TAIL,
+    ),
+    error=base.multirate_error,
+    work=base.multirate_work,
+    rates={"opencl": Rate(1e-3, 2.1e-11), "numpy": Rate(5e-4, 2e-10)},
+    unfit=base.multirate_unfit,
+)
+class Multirate:
+    """A narrower Gaussian down the image of which a few rows are kept, which another one is summed over."""
+
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, tail: float) -> Array:
+        down, across = rates(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
+        return multirate_opencl(device, inputs["image"].pixels, down, across, p.border, p.value)
+
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, tail: float) -> Array:
+        down, across = rates(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
+        return multirate_numpy(inputs["image"].pixels, down, across, p.border, p.value)
 
 
 @gaussian.method(

@@ -17,6 +17,7 @@ from lichen.operations.convolution.boxes import Boxes, boxes, boxes_distance
 from lichen.operations.convolution.gaussian_turned import Turned
 from lichen.operations.convolution.gaussian_weights import dct_modes, fir_radius, modes_about
 from lichen.operations.convolution.missing import Missing, check_mask, leaves_out, renormalised_error
+from lichen.operations.convolution.multirate import WIDEST, Rates, in_bands, rates
 from lichen.operations.convolution.passes import rows_laid_out
 from lichen.operations.convolution.recursive import BLOCK
 from lichen.operations.convolution.recursive_filters import (
@@ -228,6 +229,44 @@ def _not_plain(p: Parameters, facts: InputFacts) -> str | None:
         return "its axes are turned; rows and columns cannot be filtered one after the other"
     if request.renormalised:
         return "pixels are left out; which ones have a value must not depend on how the kernel is approximated"
+    return None
+
+
+# -------------------------------------------------------------------------------------------------------- multirate
+
+
+def multirate_filters(p: Parameters, tail: float) -> tuple[Rates, int, float]:
+    """Down the image; and the radius along it, with the weight beyond that."""
+    down, across = _within(p, 1.0, WIDEST)
+    return rates(down, tail), *fir_radius(across, tail)
+
+
+def multirate_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
+    """What leaving rows out and cutting off both axes' kernels changes, proved; and rounding, as of `fir`."""
+    (wide, magnitude), (down, radius, cut) = spread(p, facts), multirate_filters(p, tail)
+    rounding = 1.01 * (len(down.analysis) + 2 * radius + down.taps + 7) * ROUNDING * magnitude
+    return Error((down.distance + cut) * wide + rounding, "bound", rounding)
+
+
+def multirate_work(p: Parameters, tail: float, facts: InputFacts) -> float:
+    """Multiply-adds, of the rows that are left of them; beside what it takes to read the image and to write it."""
+    image, (down, radius, _) = facts["image"], multirate_filters(p, tail)
+    bands, steps = in_bands(image.height, image.width * image.channels, down)
+    kept = bands * (steps + down.taps - 1) / image.height
+    along = 1.6 * (2 * radius + 1) + STAGED
+    return image.samples * (28.0 + kept * (len(down.analysis) + along) + 0.9 * down.taps)
+
+
+def multirate_unfit(p: Parameters, facts: InputFacts) -> str | None:
+    if reason := _not_plain(p, facts):
+        return reason
+    if facts["image"].extent.nonfinite:
+        return "two filters in a row would spread NaN and infinity further than the kernel reaches"
+    (down, _), (across, _) = asked(p, facts).sides
+    if max(down, across) > WIDEST:
+        return f"beyond {WIDEST:g} px it takes more rows than are near at hand"
+    if down < 1:
+        return f"a kernel as narrow as {down:g} px leaves out no rows"
     return None
 
 

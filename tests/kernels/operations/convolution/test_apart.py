@@ -18,6 +18,7 @@ from lichen.operation import Facts
 
 TAKEN = (
     ("gaussian", "fir"),
+    ("gaussian", "multirate"),
     ("gaussian", "dct"),
     ("convolve", "direct"),
     ("convolve", "separable"),
@@ -31,6 +32,7 @@ TAKEN = (
 STAGING = {
     ("stencil.cl", "correlate"),
     ("products.cl", "multiply"),
+    ("multirate.cl", "sums"),
     *itertools.product(["median.cl"], ["network", "bisect"]),
     *itertools.product(["passes.cl"], ["both", "columns", "rows"]),
     *itertools.product(["windows.cl"], ["both", "down", "across"]),

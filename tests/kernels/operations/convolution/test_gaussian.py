@@ -11,7 +11,9 @@ from scipy import ndimage
 import lichen
 from lichen.errors import InvalidRequest
 from lichen.image import as_image
+from lichen.opencl.device import default_device
 from lichen.operation import Border, Facts
+from lichen.operations.convolution import multirate
 from lichen.operations.convolution.gaussian import Parameters, gaussian
 from lichen.operations.convolution.gaussian_weights import (
     dct_bases,
@@ -100,6 +102,60 @@ def test_no_image_breaks_the_bound(
             knob = tail if method.knob.name == "tail" else method.knob.values[0]
             made = method.implementation.numpy(inputs, parameters, knob)
             assert np.abs(made - truth).max() <= method.error(parameters, knob, facts).value
+
+
+@pytest.mark.parametrize("sigma", [1.0, 2.2, 5.0, 17.3, 64.0])
+@pytest.mark.parametrize("tail", [1e-1, 1e-3, 1e-5, 1e-7])
+def test_two_narrower_gaussians_are_as_near_to_one_as_they_say(sigma: float, tail: float) -> None:
+    made, half = multirate.rates(sigma, tail), half_kernel(sigma)
+    assert made.step > 1 or sigma < 3
+    truth = np.concatenate([half[:0:-1], half])
+    furthest = 0.0
+    for phase, weights in enumerate(made.synthesis):
+        apart = np.zeros((made.taps - 1) * made.step + 1)
+        apart[:: made.step] = weights
+        response = np.convolve(apart, made.analysis)
+        first = -made.before * made.step - len(made.analysis) // 2 - phase  # of the row that it is summed for
+        whole = np.zeros(2 * max(len(truth), len(response)) + 1)
+        middle = len(whole) // 2
+        whole[middle - len(half) + 1 : middle + len(half)] = -truth
+        whole[middle + first : middle + first + len(response)] += response
+        furthest = max(furthest, np.abs(whole).sum() / 2)
+    assert made.distance / 20 < furthest <= made.distance * (1 + 1e-9) + 1e-15
+    assert made.distance <= 1.2 * tail or made.step == 1
+
+
+def test_the_widest_blur_by_few_rows_has_room_at_its_finest() -> None:
+    device = default_device()
+    if device is None:
+        pytest.skip("there is no OpenCL device")
+    pixels = np.random.default_rng(2).random((130, 90, 3), np.float32)
+    inputs, parameters = {"image": as_image(pixels)}, Parameters(sigma=multirate.WIDEST)
+    method = gaussian.methods["multirate"]
+    made = method.implementation.opencl(device, inputs, parameters, method.knob.low)
+    assert np.abs(made - gaussian.evaluate_truth(inputs, parameters)).max() <= 1e-6
+    wider = Parameters(sigma=1.0, sigma_y=multirate.WIDEST + 1)
+    assert "more rows" in method.unfit(wider, {"image": Facts.of(inputs["image"])})
+
+
+@pytest.mark.parametrize("border", list(Border))
+@pytest.mark.parametrize("shape", [(1, 1, 1), (2, 3, 3), (400, 150, 2)])
+def test_few_rows_blur_all_borders_on_a_device_in_any_number_of_bands(
+    border: Border, shape: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device = default_device()
+    if device is None:
+        pytest.skip("there is no OpenCL device")
+    pixels = np.sign(np.random.default_rng(2).standard_normal(shape)).astype(np.float32)
+    parameters = Parameters(sigma=5.0, sigma_x=2.0, border=border, value=-1.0)
+    inputs = {"image": as_image(pixels)}
+    method, truth = gaussian.methods["multirate"], gaussian.evaluate_truth(inputs, parameters)
+    whole = method.implementation.opencl(device, inputs, parameters, 1e-5)
+    bound = method.error(parameters, 1e-5, {"image": Facts.of(inputs["image"])}).value
+    assert np.abs(whole - truth).max() <= bound
+    monkeypatch.setattr(multirate, "HELD", 1)
+    assert multirate.in_bands(400, 300, multirate.rates(5.0, 1e-5))[0] == 3
+    assert method.implementation.opencl(device, inputs, parameters, 1e-5).tobytes() == whole.tobytes()
 
 
 @pytest.mark.parametrize("backend", ["opencl", "numpy"])

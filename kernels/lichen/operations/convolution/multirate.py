@@ -1,0 +1,171 @@
+"""A Gaussian blur of which most is done on a few of the rows.
+
+A Gaussian is one of 1 / sqrt(2) of its deviation after another. What the first has made is smooth, so that every s-th
+row of it says enough: the second is summed over those alone, by other weights for each of s neighbouring rows, and the
+pass along rows comes in between, where they are fewest. For deviation d of both together, the weight of a sample i rows
+away is the Gaussian's times 1 + a(i), up to a factor that makes them sum to 1, where by Poisson's formula
+
+    |a| <= e = 2 sum over m >= 1 of exp(-(pi d m / s)^2 / 2),
+
+the spectrum of what leaving rows out folds back. So the pass is wrong by at most e / (1 - e) of the input's spread, and
+by the weight that is cut off both kernels, which are normalised for each of the s rows by themselves.
+
+Source: Crochiere and Rabiner, Interpolation and decimation of digital signals, Proceedings of the IEEE 69 (1981).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from lichen.image import Image
+from lichen.memory import Array, aligned, aligned_empty
+from lichen.opencl.device import Device
+from lichen.opencl.session import Session
+from lichen.operation import Border
+from lichen.operations.convolution.borders import OUTSIDE, continued
+from lichen.operations.convolution.gaussian_weights import fir_radius, fir_weights
+from lichen.operations.convolution.passes import Vector, both_axes, rows_laid_out, separable_numpy
+from lichen.operations.convolution.stencil import NEAR, STAGE, Stencil, banded, correlate
+
+SOURCE = "convolution/multirate.cl"
+TILES = 256, 128, 64
+"""Floats of a tile; the widest of which private memory holds all taps is taken."""
+WIDEST = 64.0
+"""px; more taps than those of a wider filter fit no tile."""
+HELD = 1 << 23
+"""Floats of both pictures of a few rows, about: what stays in a large cache until the next step reads it."""
+MOST = 64
+"""Rows of which one is kept at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """The two filters down an image."""
+
+    step: int
+    """rows of which one is kept"""
+    analysis: Vector
+    """odd, centred"""
+    synthesis: npt.NDArray[np.float64]
+    """(step, taps): row step q + p of the result is the sum over k of [p, k] times kept row q - before + k"""
+    before: int
+    distance: float
+    """from the Gaussian: half the sum of the magnitudes of all differences, at most"""
+
+    @property
+    def taps(self) -> int:
+        return int(self.synthesis.shape[1])
+
+
+@lru_cache(maxsize=256)
+def rates(sigma: float, tail: float) -> Rates:
+    """Filters whose distance is about `tail`, where `sigma` is so wide that rows can be left out."""
+    step = min(max(int(math.pi * sigma / math.sqrt(2 * math.log(4.1 / tail))), 1), MOST)
+    folded = 2 * sum(math.exp(-0.5 * (math.pi * sigma * m / step) ** 2) for m in (1, 2, 3))
+    part = sigma / math.sqrt(2)
+    radius, cut = fir_radius(part, tail / 4)
+    before, after = radius // step, (radius + step - 1) // step
+    beyond = math.ceil(9 * part / step) + 1
+    at = step * np.arange(-beyond, beyond + 2) - np.arange(step)[:, np.newaxis]
+    weights = np.exp(-0.5 * np.square(at / part))
+    weights /= weights.sum(axis=1, keepdims=True)
+    kept = weights[:, beyond - before : beyond + after + 1]
+    sums = kept.sum(axis=1, keepdims=True)
+    distance = folded / (1 - folded) + cut + float((1 - sums).max())
+    return Rates(step, fir_weights(part, tail / 4), kept / sums, before, distance)
+
+
+def in_bands(height: int, width: int, rates: Rates) -> tuple[int, int]:
+    """Bands that an image, `width` floats wide, is blurred in, and of how many steps each of them is."""
+    steps = -(-height // rates.step)
+    most = max(HELD // (2 * width) - rates.taps, 4 * rates.taps)
+    bands = -(-steps // most)
+    return bands, -(-steps // bands)
+
+
+def _sources(kept: int, height: int, rates: Rates, border: Border) -> npt.NDArray[np.int64]:
+    """The rows that so many which are kept are summed from, in order; neighbours share most."""
+    first = -rates.before * rates.step - len(rates.analysis) // 2
+    return continued(np.arange((kept - 1) * rates.step + len(rates.analysis)) + first, height, border)
+
+
+def multirate_opencl(
+    device: Device, pixels: Array, rates: Rates, across: Vector, border: Border, value: float
+) -> Array:
+    """Blurred down by `rates`, along by the weights `across`."""
+    height, width, channels = pixels.shape
+    bands, steps = in_bands(height, width * channels, rates)
+    kept, rows = steps + rates.taps - 1, steps * rates.step
+    sources = _sources((bands - 1) * steps + kept, height, rates, border)
+    out = aligned_empty(pixels.shape)
+    with device.session() as session:
+        few, blurred = (session.scratch((kept, width, channels)) for _ in range(2))
+        for top in range(0, height, rows):
+            read = sources[top : top + (kept - 1) * rates.step + len(rates.analysis)]
+            _sum_rows(session, pixels, read, rates.analysis[np.newaxis], rates.step, few, 0, kept, value)
+            _along(session, few, blurred, across, border, value)
+            some = min(rows, height - top)
+            _sum_rows(session, blurred, np.arange(kept), rates.synthesis, 1, out, top, some, value)
+    return out
+
+
+def _along(session: Session, source: Array, target: Array, across: Vector, border: Border, value: float) -> None:
+    radius = len(across) // 2
+    laid = rows_laid_out(1, len(across), source.shape[2])
+    if session.in_step or laid is None:
+        correlate(session, source, target, Stencil(across[np.newaxis], 0, radius), border, value)
+    else:
+        both_axes(session, source, target, ((np.ones(1), 0), (across, radius)), laid, border, value)
+
+
+def _sum_rows(
+    session: Session,
+    source: Array,
+    read: Array,
+    weights: Array,
+    step: int,
+    out: Array,
+    top: int,
+    rows: int,
+    value: float,
+) -> None:
+    """Into so many rows of `out` from `top` on; a period of `weights`, then another `step` further."""
+    (period, taps), width = weights.shape, out.size // len(out)
+    given = source, aligned(read, np.int32), aligned(weights), session.readwrite(out)
+    numbers = np.int32(top), np.int32(rows), np.int32(width), np.int32(taps), np.int32(period), np.int32(step)
+    if session.in_step:
+        session.launch(SOURCE, "apart", (width, rows), *given, *numbers, np.float32(value))
+        return
+    tile = next(tile for tile in TILES if taps <= STAGE // (tile + 16))
+    tiles, room = -(-width // tile), STAGE // (tile + 16)
+    band = banded(rows, tiles, 2 * taps * period // step)
+    session.launch(
+        SOURCE, "sums", (tiles, -(-rows // band)), *given, *numbers, np.int32(band), np.int32(tile),
+        np.int32(min(room, max(2 * taps, NEAR // (tile + 16)))), np.float32(value),
+        local=(1, 1), defines={"STAGE": STAGE},
+    )  # fmt: skip
+
+
+def multirate_numpy(pixels: Array, rates: Rates, across: Vector, border: Border, value: float) -> Array:
+    """The same."""
+    height, step = len(pixels), rates.step
+    kept = -(-height // step) + rates.taps - 1
+    read = _sources(kept, height, rates, border)
+    padded = np.take(pixels, np.maximum(read, 0), 0)
+    padded[read == OUTSIDE] = value
+    few = np.zeros((kept, *pixels.shape[1:]), np.float32)
+    for at, weight in enumerate(rates.analysis):
+        few += np.float32(weight) * padded[at::step][:kept]
+    few = separable_numpy(Image(few), np.ones(1), across, border, value)
+    out = aligned_empty(pixels.shape)
+    for phase, weights in enumerate(rates.synthesis):
+        some = out[phase::step]
+        some[...] = 0
+        for at, weight in enumerate(weights):
+            some += np.float32(weight) * few[at : at + len(some)]
+    return out
