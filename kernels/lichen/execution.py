@@ -16,21 +16,22 @@ import numpy as np
 
 from lichen.accuracy.precision import Precision, kept
 from lichen.errors import LichenError
-from lichen.image import Image, Storage, StoredImage
+from lichen.image import FIELDS, Codes, Image, Storage, StoredImage
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.opencl.programs import compose
+from lichen.opencl.samples import WORTH, looked_up
 from lichen.opencl.watching import watched
 from lichen.operation import Facts, Inputs
 from lichen.planning.bands import spans
-from lichen.planning.fuse import FEWEST, head_of, steps_of, tail_of, text_of
+from lichen.planning.fuse import FEWEST, head_of, samplewise, steps_of, tail_of, text_of
 from lichen.planning.graph import TRUTH, Banded, Graph, Node
 from lichen.planning.memory import last_readers
 from lichen.planning.plan import Plan
 from lichen.sharing import Shared
 from lichen.stage import Tail
 
-Compute = Callable[[Node, Inputs], Array]
+Compute = Callable[[Node, Inputs], Array | Codes]
 Before = Callable[[str], None]
 """Hears of a node before a step of it is begun, and every so often while a long one is at work on a device; what it
 raises ends the work there."""
@@ -78,16 +79,23 @@ def computed(
             return by_bands(banded[node.name], plan.graph, inputs, step)
         return step(node, inputs)
 
-    def timed(node: Node, inputs: Inputs) -> Array:
+    whole = {*chains, *banded, *identities}
+
+    def timed(node: Node, inputs: Inputs) -> Array | Codes:
         started = time.perf_counter()
+        found: Array | Codes
         if shared is not None and node.name in identities:
-            pixels = shared.sharing.of(identities[node.name], partial(made, node, inputs))
+            found = shared.sharing.of(identities[node.name], partial(made, node, inputs))
+        elif device is not None and node.name not in whole and _tabled(node, plan.graph, inputs, device):
+            before(node.name)
+            found = by_table(node, inputs, device)
         else:
-            pixels = made(node, inputs)
+            found = made(node, inputs)
         timing[f"kernel.{node.name}"] = time.perf_counter() - started
         timing["kernel"] += timing[f"kernel.{node.name}"]
-        observed(node, inputs, pixels)
-        return pixels
+        if not isinstance(found, Codes):
+            observed(node, inputs, found)
+        return found
 
     def observed(node: Node, inputs: Inputs, pixels: Array) -> None:
         if node.operation.finds:
@@ -124,13 +132,33 @@ def by_method(node: Node, inputs: Inputs, device: Device | None) -> Array:
         raise LichenError(f"The plan chose no method for {node.name}.")
     if choice.method == TRUTH:
         return aligned(by_definition(node, inputs), np.float32)
-    body = node.operation.methods[choice.method].implementation
-    single = {key: _single(image) for key, image in inputs.items()}
-    knob = choice.knob if choice.knob is not None else 0.0
+    method = node.operation.methods[choice.method]
+    body, knob = method.implementation, choice.knob if choice.knob is not None else 0.0
+    single = {
+        key: image if method.coded and device is not None and _coded(image, device) else _single(image)
+        for key, image in inputs.items()
+    }
     with np.errstate(all="ignore"):
         if device is None:
             return body.numpy(single, node.parameters, knob)
         return body.opencl(device, single, node.parameters, knob)
+
+
+def _tabled(node: Node, graph: Graph, inputs: Inputs, device: Device) -> bool:
+    """Whether a step does the same to all samples, of a picture that has few different ones."""
+    if graph.precision is not Precision.FLOAT32 or len(inputs) != 1:
+        return False
+    return all(_coded(image, device) for image in inputs.values()) and samplewise(node, graph.facts())
+
+
+def by_table(node: Node, inputs: Inputs, device: Device) -> Codes:
+    """What such a step makes: it is done once to each of 256 samples."""
+    ((key, image),) = inputs.items()
+    assert isinstance(image, StoredImage)
+    every = np.repeat(image.codes.numbers[np.newaxis, :, np.newaxis], image.channels, axis=2)
+    known = {name: getattr(image, name) for name in FIELDS}
+    table = aligned(by_method(node, {key: Image(every, **known)}, device)[0, :, 0])
+    return Codes(image.codes.samples, partial(looked_up, device, table), table)
 
 
 def by_chain(nodes: Sequence[Node], graph: Graph, values: Mapping[str, Image], device: Device) -> Array:
@@ -163,7 +191,7 @@ def _numbers(given: Iterable[float]) -> Array:
     return aligned(np.array([*given, 0], np.float32))
 
 
-def by_bands(banded: Banded, graph: Graph, inputs: Inputs, step: Compute) -> Array:
+def by_bands(banded: Banded, graph: Graph, inputs: Inputs, step: Callable[[Node, Inputs], Array]) -> Array:
     """What a chain of steps makes, a band of rows after the other. Of each step no more is made than the next reads."""
     facts = graph.facts()
     found = {node.name: node for node in graph.steps()}
@@ -196,37 +224,49 @@ def _single(image: Image) -> Image:
     return image if pixels is image.pixels else image.replace(pixels=pixels)
 
 
-def _floats(image: Image, read: bool) -> Image:
-    """A source as steps read it: one whose samples are stored keeps them, and the floats go after their last reader."""
-    return image.floats() if read and isinstance(image, StoredImage) and "pixels" not in vars(image) else image
+def _coded(image: Image, device: Device) -> bool:
+    """Whether it is so many samples of 8 bits that a kernel looks up what they mean."""
+    if not isinstance(image, StoredImage) or image.widened or not device.in_place or device.in_step:
+        return False
+    return image.codes.samples.dtype == np.uint8 and image.codes.samples.size >= WORTH
+
+
+def _own(image: Image) -> Image:
+    return image.again() if isinstance(image, StoredImage) and not image.widened else image
 
 
 def walk(
     graph: Graph, sources: Mapping[str, Image], compute: Compute, observe: Observe = lambda *seen: None
 ) -> dict[str, Image]:
-    """Run the nodes in order and return the outputs. Values are dropped after their last reader."""
-    read = {source for node in graph.running() for source in node.inputs.values()}
-    values = {name: kept(_floats(image, name in read), graph.precision) for name, image in sources.items()}
-    known = graph.facts()
+    """Run the nodes in order and return the outputs. Values are dropped after their last reader, and floats of stored
+    samples with them."""
+    values = {name: kept(_own(image), graph.precision) for name, image in sources.items()}
+    facts_of = graph.facts()
     last = last_readers(graph)
     for node in graph.running():
         inputs = {key: values[source] for key, source in node.inputs.items()}
-        facts = known[node.name]
+        facts = facts_of[node.name]
         model = next(iter(inputs.values()), None)
-        made = Image(
-            compute(node, inputs),
-            facts.space,
-            facts.alpha,
-            model.storage if model else Storage.FLOAT32,
-            model.metadata if model else {},
-            facts.pages,
-        )
+        known: Any = {
+            "space": facts.space,
+            "alpha": facts.alpha,
+            "storage": model.storage if model else Storage.FLOAT32,
+            "metadata": model.metadata if model else {},
+            "pages": facts.pages,
+        }
+        found = compute(node, inputs)
+        made = StoredImage(found, **known) if isinstance(found, Codes) else Image(found, **known)
         values[node.name] = kept(made, graph.precision)
-        del inputs, model, made
+        del inputs, model, found, made
         for source in {node.name, *node.inputs.values()}:
             if last.get(source) == node.name:
                 del values[source]
     for node in graph.observers:
         seen = {key: values[source] for key, source in node.inputs.items()}
         observe(node, seen, next(iter(seen.values())).pixels)
-    return {name: values[output.source] for name, output in graph.outputs.items()}
+    return {name: _out(values[output.source]) for name, output in graph.outputs.items()}
+
+
+def _out(image: Image) -> Image:
+    """An output: as it was stored, or floats."""
+    return image.replace() if isinstance(image, StoredImage) and image.codes.table is not None else image

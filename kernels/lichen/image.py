@@ -128,45 +128,74 @@ class Image:
         )
 
 
-class StoredImage(Image):
-    """An image of samples as they are stored, which become floats where somebody asks for them: those are four times as
-    many bytes of 8 bits, and whoever only stores it again needs none."""
-
-    def __init__(self, samples: Array, widen: Callable[[Array], Array], **known: Any) -> None:
-        """`samples` are integers of the storage in `known`, which holds the other fields of an image; `widen` makes the
-        pixels of them."""
-        super().__init__(samples, **known)
-        vars(self).update(samples=vars(self).pop("pixels"), _widen=widen)
+@dataclass(frozen=True, eq=False)
+class Codes:
+    """The samples of a picture as integers, and what makes floats of them."""
 
     samples: Array
-    _widen: Callable[[Array], Array]
+    """(height, width, channels)"""
+    widen: Callable[[Array], Array]
+    table: Array | None = None
+    """the float of each code; None where that is the code over the largest one"""
+
+    @property
+    def numbers(self) -> Array:
+        """What each code of 8 bits means."""
+        return np.arange(256, dtype=np.float32) / np.float32(255) if self.table is None else self.table
+
+
+class StoredImage(Image):
+    """An image of codes, which become floats where they are asked for. Of 8 bits those are four times as many bytes,
+    and whoever only stores it again needs none."""
+
+    def __init__(self, codes: Codes, **known: Any) -> None:
+        """`known` holds the other fields of an image."""
+        super().__init__(codes.samples, **known)
+        del vars(self)["pixels"]
+        vars(self)["codes"] = codes
+
+    codes: Codes
 
     @cached_property
     def pixels(self) -> Array:
-        return self._widen(self.samples)
+        return self.codes.widen(self.codes.samples)
 
-    def floats(self) -> Image:
-        """The same with pixels of its own, which go when it does."""
-        made = Image(self._widen(self.samples), self.space, self.alpha, self.storage, self.metadata, self.pages)
+    @property
+    def widened(self) -> bool:
+        """Whether somebody has asked for floats, which it keeps."""
+        return "pixels" in vars(self)
+
+    def again(self) -> StoredImage:
+        """The same, whose floats go when it does."""
+        made = StoredImage(self.codes, **{name: getattr(self, name) for name in FIELDS})
         if "extent" in vars(self):
             vars(made)["extent"] = self.extent
         return made
 
     @property
+    def coded(self) -> tuple[Array, Array]:
+        """Codes of 8 bits and what each of them means, for kernels that look it up."""
+        return self.codes.samples, aligned(self.codes.numbers)
+
+    @property
     def height(self) -> int:
-        return int(self.samples.shape[0])
+        return int(self.codes.samples.shape[0])
 
     @property
     def width(self) -> int:
-        return int(self.samples.shape[1])
+        return int(self.codes.samples.shape[1])
 
     @property
     def channels(self) -> int:
-        return int(self.samples.shape[2])
+        return int(self.codes.samples.shape[2])
 
     def replace(self, **changes: Any) -> Image:
-        same = {each.name: getattr(self, each.name) for each in dataclasses.fields(Image) if each.name not in changes}
+        same = {name: getattr(self, name) for name in ("pixels", *FIELDS) if name not in changes}
         return Image(**same, **changes)
+
+
+FIELDS = ("space", "alpha", "storage", "metadata", "pages")
+"""Of an image, beside its pixels."""
 
 
 def as_image(value: Image | npt.ArrayLike, *, pointer: str = "/inputs/image") -> Image:

@@ -214,6 +214,8 @@ class Method(Generic[P]):
     so that methods that cannot be accurate enough need not be asked"""
     head: Callable[[P, InputFacts], Head | None] = no_head
     """what it is at the head of a fused chain on OpenCL, where its kernel goes on with one"""
+    coded: bool = False
+    """whether its kernel looks up what stored samples mean itself (`StoredImage`), where there are tables of it"""
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
         return self.rates[backend].seconds(self.work(parameters, knob, facts))
@@ -329,13 +331,27 @@ class Operation(Generic[P]):
         body: str = "",
         least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0,
         head: Callable[[P, InputFacts], Head | None] = no_head,
+        coded: bool = False,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
             self.methods[name] = Method(
-                name, description, implementation, error, work, rates, knob, unfit, stage, scratch, body, least, head
+                name,
+                description,
+                implementation,
+                error,
+                work,
+                rates,
+                knob,
+                unfit,
+                stage,
+                scratch,
+                body,
+                least,
+                head,
+                coded,
             )
             return implementation
 

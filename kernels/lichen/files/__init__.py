@@ -32,7 +32,7 @@ from lichen.files.samples import extent_of, to_floats, to_storage, upright
 from lichen.files.tiff import tiff
 from lichen.files.vti import vti
 from lichen.files.webp import webp
-from lichen.image import Image, Storage, StoredImage
+from lichen.image import Codes, Image, Storage, StoredImage
 from lichen.memory import Array, aligned
 
 __all__ = [
@@ -104,7 +104,7 @@ def assembled(header: Header, samples: Array, widen: Widen = to_floats) -> Image
     }  # fmt: skip
     if (extent := extent_of(samples)) is None:
         return Image(widen(shown), **known)
-    image = StoredImage(aligned(shown, shown.dtype), widen, **known)
+    image = StoredImage(Codes(aligned(shown, shown.dtype), widen), **known)
     vars(image)["extent"] = extent  # measured where there are fewer bytes
     return image
 
@@ -131,8 +131,8 @@ def encode(
     target = FORMATS[format]
     storage = storage or target.storage_for(image.storage)
     target.check(image, storage, quality)
-    if isinstance(image, StoredImage) and image.storage is storage:
-        samples, clipped, nonfinite = image.samples, 0, 0
+    if isinstance(image, StoredImage) and image.codes.table is None and image.storage is storage:
+        samples, clipped, nonfinite = image.codes.samples, 0, 0
     else:
         samples, clipped, nonfinite = quantise(image.pixels, storage)
     return Encoded(target.write(samples, image, quality), target.media_type, clipped, nonfinite)

@@ -33,6 +33,17 @@ def widened(device: Device, samples: Array) -> Array:
     return pixels
 
 
+def looked_up(device: Device, table: Array, samples: Array) -> Array:
+    """The float32 that a table of 256 has for each sample, uint8."""
+    pixels = aligned_empty(samples.shape)
+    with device.session() as session:
+        session.launch(
+            _SOURCE, "look_up", (-(-samples.size // _BLOCK),), samples, table, session.write(pixels),
+            np.uint64(samples.size), np.int32(_BLOCK), local=(1,), defines=_defines(samples.dtype),
+        )  # fmt: skip
+    return pixels
+
+
 def quantised(device: Device, pixels: Array, kind: np.dtype[Any]) -> tuple[Array, int, int]:
     """float32 of any shape as samples of a kind, how many were clipped, and how many were not finite: `to_storage`."""
     samples, blocks = aligned_empty(pixels.shape, kind), -(-pixels.size // _BLOCK)

@@ -77,7 +77,7 @@ def fuse(graph: Graph, request: Request) -> Graph:
         longer = [
             [*chain, node]
             for chain in before
-            if len(chain) < LONGEST and (chain[0].name not in heads or _samplewise(node, facts))
+            if len(chain) < LONGEST and (chain[0].name not in heads or samplewise(node, facts))
         ]
         chain = max((each for each in longer if _beside(each, held) <= BESIDE), key=len, default=[node])
         for each in chain[-2:-1]:
@@ -160,7 +160,7 @@ def head_of(node: Node, facts: Mapping[str, Facts]) -> Head | None:
     return node.operation.methods[node.choice.method].head(node.parameters, known)
 
 
-def _samplewise(node: Node, facts: Mapping[str, Facts]) -> bool:
+def samplewise(node: Node, facts: Mapping[str, Facts]) -> bool:
     """Whether a stage does the same to all samples of its picture."""
     stage = stage_of(node, facts)
     return stage is not None and stage.single is not None and facts[node.name].alpha is Alpha.NONE

@@ -225,6 +225,7 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
     work=base.multirate_work,
     rates={"opencl": Rate(1e-3, 2.1e-11), "numpy": Rate(5e-4, 2e-10)},
     unfit=base.multirate_unfit,
+    coded=True,
 )
 class Multirate:
     """A narrower Gaussian down the image of which a few rows are kept, which another one is summed over."""
@@ -232,7 +233,7 @@ class Multirate:
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, tail: float) -> Array:
         down, across = rates(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
-        return multirate_opencl(device, inputs["image"].pixels, down, across, p.border, p.value)
+        return multirate_opencl(device, inputs["image"], down, across, p.border, p.value)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, tail: float) -> Array:

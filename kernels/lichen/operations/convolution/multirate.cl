@@ -12,19 +12,34 @@
 #define SEGMENT 64
 
 #ifdef STAGE
-// Floats of a row from `from` on, -1 being the constant.
-STAGED_FN void stage_line(float *to, __global const float *in, int source, int from, int count, int width, float value)
+#if CODED
+typedef uchar Sample;
+#define MEANT(sample) meant[sample]
+#else
+typedef float Sample;
+#define MEANT(sample) sample
+#endif
+
+// Floats of a row from `from` on, -1 being the constant; codes are looked up in what they are `meant` to be.
+STAGED_FN void stage_line(float *to, __global const Sample *in, __global const float *meant, int source, int from,
+                          int count, int width, float value)
 {
-    __global const float *row = in + (size_t)max(source, 0) * width + from;
+    __global const Sample *row = in + (size_t)max(source, 0) * width + from;
     int i = 0;
+#if !CODED
     if (source >= 0)
         for (; i + 16 <= count; i += 16)
             vstore16(vload16(0, row + i), 0, to + i);
+#endif
+    if (source >= 0)
+        for (; i < count; i++)
+            to[i] = MEANT(row[i]);
     for (; i < count; i++)
-        to[i] = source < 0 ? value : row[i];
+        to[i] = value;
 }
 
-__kernel void sums(__global const float *restrict in, __global const int *restrict sources,
+__kernel void sums(__global const Sample *restrict in, __global const float *restrict meant,
+                   __global const int *restrict sources,
                    __global const float *restrict weights, __global float *restrict out, int top, int height, int width,
                    int taps, int period, int step, int band, int tile, int capacity, float value)
 {
@@ -43,7 +58,7 @@ __kernel void sums(__global const float *restrict in, __global const int *restri
             first = wanted;
         }
         for (; first + held < wanted + taps; held++)
-            stage_line(stage + held * pitch, in, sources[first + held], x, count, width, value);
+            stage_line(stage + held * pitch, in, meant, sources[first + held], x, count, width, value);
         __global const float *own = weights + (r % period) * taps;
         __global float *to = out + (size_t)(top + r) * width + x;
         for (int i = 0; i < count; i += SEGMENT) {

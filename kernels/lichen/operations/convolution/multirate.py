@@ -22,7 +22,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from lichen.image import Image
+from lichen.image import Image, StoredImage
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.opencl.session import Session
@@ -94,10 +94,9 @@ def _sources(kept: int, height: int, rates: Rates, border: Border) -> npt.NDArra
     return continued(np.arange((kept - 1) * rates.step + len(rates.analysis)) + first, height, border)
 
 
-def multirate_opencl(
-    device: Device, pixels: Array, rates: Rates, across: Vector, border: Border, value: float
-) -> Array:
+def multirate_opencl(device: Device, image: Image, rates: Rates, across: Vector, border: Border, value: float) -> Array:
     """Blurred down by `rates`, along by the weights `across`."""
+    pixels, meant = image.coded if isinstance(image, StoredImage) else (image.pixels, None)
     height, width, channels = pixels.shape
     bands, steps = in_bands(height, width * channels, rates)
     kept, rows = steps + rates.taps - 1, steps * rates.step
@@ -107,10 +106,10 @@ def multirate_opencl(
         few, blurred = (session.scratch((kept, width, channels)) for _ in range(2))
         for top in range(0, height, rows):
             read = sources[top : top + (kept - 1) * rates.step + len(rates.analysis)]
-            _sum_rows(session, pixels, read, rates.analysis[np.newaxis], rates.step, few, 0, kept, value)
+            _sum_rows(session, (pixels, meant), read, rates.analysis[np.newaxis], rates.step, few, 0, kept, value)
             _along(session, few, blurred, across, border, value)
             some = min(rows, height - top)
-            _sum_rows(session, blurred, np.arange(kept), rates.synthesis, 1, out, top, some, value)
+            _sum_rows(session, (blurred, None), np.arange(kept), rates.synthesis, 1, out, top, some, value)
     return out
 
 
@@ -125,7 +124,7 @@ def _along(session: Session, source: Array, target: Array, across: Vector, borde
 
 def _sum_rows(
     session: Session,
-    source: Array,
+    source: tuple[Array, Array | None],
     read: Array,
     weights: Array,
     step: int,
@@ -134,20 +133,21 @@ def _sum_rows(
     rows: int,
     value: float,
 ) -> None:
-    """Into so many rows of `out` from `top` on; a period of `weights`, then another `step` further."""
-    (period, taps), width = weights.shape, out.size // len(out)
-    given = source, aligned(read, np.int32), aligned(weights), session.readwrite(out)
+    """Of floats, or of codes and what they mean, into so many rows of `out` from `top` on; a period of `weights`, then
+    another `step` further."""
+    (period, taps), width, (samples, meant) = weights.shape, out.size // len(out), source
+    given = aligned(read, np.int32), aligned(weights), session.readwrite(out)
     numbers = np.int32(top), np.int32(rows), np.int32(width), np.int32(taps), np.int32(period), np.int32(step)
     if session.in_step:
-        session.launch(SOURCE, "apart", (width, rows), *given, *numbers, np.float32(value))
+        session.launch(SOURCE, "apart", (width, rows), samples, *given, *numbers, np.float32(value))
         return
     tile = next(tile for tile in TILES if taps <= STAGE // (tile + 16))
     tiles, room = -(-width // tile), STAGE // (tile + 16)
     band = banded(rows, tiles, 2 * taps * period // step)
     session.launch(
-        SOURCE, "sums", (tiles, -(-rows // band)), *given, *numbers, np.int32(band), np.int32(tile),
+        SOURCE, "sums", (tiles, -(-rows // band)), samples, meant, *given, *numbers, np.int32(band), np.int32(tile),
         np.int32(min(room, max(2 * taps, NEAR // (tile + 16)))), np.float32(value),
-        local=(1, 1), defines={"STAGE": STAGE},
+        local=(1, 1), defines={"STAGE": STAGE, "CODED": int(meant is not None)},
     )  # fmt: skip
 
 

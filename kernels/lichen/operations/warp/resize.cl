@@ -89,13 +89,24 @@ kernel void across(global const float *restrict in, global float *restrict out, 
 
 /* Both axes of a band of `tall` rows of a strip of OUT columns, of the `floats` source floats from `spans` on, at most
  * WIDE; `reach` has the first source row of each row, and the one after its last. Source rows go through a ring of SLOTS,
- * so that each is read from the image once, and is next to the rows that are summed with it: in the image, rows of 4096
+ * so that each is read from the image once, codes being looked up there, and is next to the rows that are summed with it: in the image, rows of 4096
  * pixels compete for the same lines of a cache. Along rows LINES samples of a column are summed at once: one sum after the
  * other, each of which waits for its last product, took 2.5 times as long for 12 megapixels of three channels. */
 #ifdef SLOTS
 #define AHEAD 4 /* rows that are asked for before they are kept: rows of a strip lie apart */
 
-inline void keep(float *restrict to, global const float *restrict from, int floats, size_t pitch) {
+#if CODED
+typedef uchar Sample;
+
+inline void keep(float *restrict to, global const Sample *restrict from, global const float *restrict meant, int floats,
+                 size_t pitch) {
+    for (int i = 0; i < floats; ++i) to[i] = meant[from[i]];
+}
+#else
+typedef float Sample;
+
+inline void keep(float *restrict to, global const Sample *restrict from, global const float *restrict meant, int floats,
+                 size_t pitch) {
     int i = 0;
     for (; i + 16 <= floats; i += 16) {
         stream_ask(from + AHEAD * pitch + i);
@@ -103,6 +114,7 @@ inline void keep(float *restrict to, global const float *restrict from, int floa
     }
     for (; i < floats; ++i) to[i] = from[i];
 }
+#endif
 
 /* The same sums as below where no source row takes part in two of them: straight from the image. `floats` is a multiple
  * of STRIP. */
@@ -160,11 +172,11 @@ inline void turn(float *restrict to, const float *restrict lines, int floats, in
 }
 #endif
 
-kernel void both(global const float *restrict in, global float *restrict out, global const int *restrict index,
-                 global const float *restrict weights, global const float *restrict outside, int taps,
-                 global const int *restrict index_across, global const float *restrict weights_across,
-                 global const float *restrict outside_across, int taps_across, global const int *restrict reach,
-                 global const int *restrict spans, int columns, int wide, int rows, int tall, int given) {
+kernel void both(global const Sample *restrict in, global const float *restrict meant, global float *restrict out,
+                 global const int *restrict index, global const float *restrict weights,
+                 global const float *restrict outside, int taps, global const int *restrict index_across,
+                 global const float *restrict weights_across, global const float *restrict outside_across,
+                 int taps_across, global const int *restrict reach, global const int *restrict spans, int columns, int wide, int rows, int tall, int given) {
     const int strip = get_global_id(0), first = strip * OUT, top = get_global_id(1) * tall;
     if (first >= wide || top >= rows) return;
     const int channels = CHANNELS ? CHANNELS : given;
@@ -183,12 +195,14 @@ kernel void both(global const float *restrict in, global float *restrict out, gl
         for (int j = 0; j < many; ++j) {
             global const int *at = index + (size_t)(row + j) * taps;
             global const float *by = weights + (size_t)(row + j) * taps;
+#if !CODED
             if (apart) {
                 sum_source(lines + j * WIDE, in + left * channels, at, by, taps, outside[row + j], floats, pitch);
                 continue;
             }
+#endif
             for (held = max(held, reach[2 * (row + j)]); held < reach[2 * (row + j) + 1]; ++held)
-                keep(ring + held % SLOTS * WIDE, in + held * pitch + left * channels, floats, pitch);
+                keep(ring + held % SLOTS * WIDE, in + held * pitch + left * channels, meant, floats, pitch);
             sum_rows(lines + j * WIDE, ring, at, by, taps, outside[row + j], floats);
         }
 #if CHANNELS != 4

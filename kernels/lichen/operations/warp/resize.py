@@ -30,7 +30,7 @@ import numpy as np
 from pydantic import Field
 
 from lichen.errors import Flaw
-from lichen.image import Alpha
+from lichen.image import Alpha, StoredImage
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.opencl.session import Session
@@ -324,26 +324,45 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 def _opencl(device: Device, inputs: Inputs, p: Parameters, name: str) -> Array:
     image = inputs["image"]
     across, down = _axes(p, Facts.sized(image), name)
+    coded = isinstance(image, StoredImage) and _ring(across, down, image.channels) is not None
+    pixels, meant = image.coded if isinstance(image, StoredImage) and coded else (aligned(image.pixels), None)
     with device.session() as session:
-        return launched(device, session, aligned(image.pixels), across, down, p.value)
+        return launched(device, session, pixels, across, down, p.value, meant)
 
 
-def launched(device: Device, session: Session, pixels: Array, across: Axis, down: Axis, value: float) -> Array:
-    """Both axes of aligned pixels on a device; done when the session is."""
+def _ring(across: Axis, down: Axis, channels: int) -> tuple[int, int, Array] | None:
+    """Rows of a ring that holds what any row of the result takes, columns of the result to a strip, and what each strip
+    takes; None where that is too much."""
+    slots, spans = down.slots(), across.spans(WIDE // channels)
+    return None if slots is None or spans is None else (slots, *spans)
+
+
+def launched(
+    device: Device,
+    session: Session,
+    pixels: Array,
+    across: Axis,
+    down: Axis,
+    value: float,
+    meant: Array | None = None,
+) -> Array:
+    """Both axes of aligned pixels on a device, or of codes where it is told what they are `meant` to be and rows go
+    through a ring; done when the session is."""
     (height, width), (_, columns, channels) = (len(down.index), len(across.index)), pixels.shape
     out = aligned_empty((height, width, channels))
     given = (*tables(down, value), np.int32(down.taps)), (*tables(across, value), np.int32(across.taps))
-    slots, spans = down.slots(), across.spans(WIDE // channels)
-    if slots is not None and spans is not None and not session.in_step:  # such rings are for first caches
-        strips, band = len(spans[1]), BAND
+    ring = None if session.in_step else _ring(across, down, channels)  # such rings are for first caches
+    if ring is not None:
+        slots, wide, spans = ring
+        strips, band = len(spans), BAND
         while band > 8 and strips * -(-height // band) < 4 * device.compute_units:
             band //= 2
         session.launch(
-            "warp/resize.cl", "both", (strips, -(-height // band)), pixels, session.readwrite(out),
-            *given[0], *given[1], aligned(np.stack(down.reach, axis=-1), np.int32), aligned(spans[1], np.int32),
+            "warp/resize.cl", "both", (strips, -(-height // band)), pixels, meant, session.readwrite(out),
+            *given[0], *given[1], aligned(np.stack(down.reach, axis=-1), np.int32), aligned(spans, np.int32),
             np.int32(columns), np.int32(width), np.int32(height), np.int32(band), np.int32(channels),
             local=(1, 1),
-            defines={**built_for(channels), "SLOTS": slots, "OUT": spans[0], "WIDE": WIDE},
+            defines={**built_for(channels), "SLOTS": slots, "OUT": wide, "WIDE": WIDE, "CODED": int(meant is not None)},
         )  # fmt: skip
         return out
     between = session.scratch((height, columns, channels))
@@ -387,6 +406,7 @@ def _add(name: str, told: str) -> None:
         error=partial(error, name),
         work=partial(_work, name),
         least=partial(_least, name),
+        coded=True,
         rates={"opencl": Rate(4e-4, 8e-11), "numpy": Rate(3e-4, 1.5e-9)},
     )(ByKernel)
 
