@@ -132,12 +132,9 @@ def by_method(node: Node, inputs: Inputs, device: Device | None) -> Array:
         raise LichenError(f"The plan chose no method for {node.name}.")
     if choice.method == TRUTH:
         return aligned(by_definition(node, inputs), np.float32)
-    method = node.operation.methods[choice.method]
-    body, knob = method.implementation, choice.knob if choice.knob is not None else 0.0
-    single = {
-        key: image if method.coded and device is not None and _coded(image, device) else _single(image)
-        for key, image in inputs.items()
-    }
+    body = node.operation.methods[choice.method].implementation
+    knob = choice.knob if choice.knob is not None else 0.0
+    single = _given(node, inputs, device)
     with np.errstate(all="ignore"):
         if device is None:
             return body.numpy(single, node.parameters, knob)
@@ -170,8 +167,8 @@ def by_chain(nodes: Sequence[Node], graph: Graph, values: Mapping[str, Image], d
         # Where items step together other kernels do the work of heads.
         if device.in_step or (source := compose(text)) is None:
             return _in_turn(nodes, facts, values, device)
-        inputs = {key: _single(values[each]) for key, each in nodes[0].inputs.items()}
-        return head.run(device, inputs, Tail(source, _numbers(numbers)))
+        read = {key: values[each] for key, each in nodes[0].inputs.items()}
+        return head.run(device, _given(nodes[0], read, device), Tail(source, _numbers(numbers)))
     steps = steps_of(nodes, facts)
     image = values[steps[0].sources[0]]
     count = image.height * image.width
@@ -216,6 +213,13 @@ def _in_turn(nodes: Sequence[Node], facts: Mapping[str, Facts], values: Mapping[
         pixels = by_method(node, {key: found[source] for key, source in node.inputs.items()}, device)
         found[node.name] = Image(pixels, facts[node.name].space, facts[node.name].alpha)
     return pixels
+
+
+def _given(node: Node, inputs: Inputs, device: Device | None) -> Inputs:
+    """Pictures as the chosen method takes them: as codes where it looks them up, else as floats."""
+    if device is None or node.choice is None or not node.operation.methods[node.choice.method].coded:
+        return {key: _single(image) for key, image in inputs.items()}
+    return {key: image if _coded(image, device) else _single(image) for key, image in inputs.items()}
 
 
 def _single(image: Image) -> Image:

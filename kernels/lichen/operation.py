@@ -212,7 +212,7 @@ class Method(Generic[P]):
     least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0
     """what its error is at least, and its usual one, rounding aside: known at once where `error` takes long to prove,
     so that methods that cannot be accurate enough need not be asked"""
-    head: Callable[[P, InputFacts], Head | None] = no_head
+    head: Callable[[P, float, InputFacts], Head | None] = no_head
     """what it is at the head of a fused chain on OpenCL, where its kernel goes on with one"""
     coded: bool = False
     """whether its kernel looks up what stored samples mean itself (`StoredImage`), where there are tables of it"""
@@ -330,7 +330,7 @@ class Operation(Generic[P]):
         scratch: float | None = None,
         body: str = "",
         least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0,
-        head: Callable[[P, InputFacts], Head | None] = no_head,
+        head: Callable[[P, float, InputFacts], Head | None] = no_head,
         coded: bool = False,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""

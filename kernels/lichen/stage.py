@@ -53,6 +53,6 @@ def no_stage(parameters: Any, facts: Any) -> Stage | None:
     return None
 
 
-def no_head(parameters: Any, facts: Any) -> Head | None:
+def no_head(parameters: Any, knob: float, facts: Any) -> Head | None:
     """Of methods that do not go on with a chain."""
     return None

@@ -157,7 +157,7 @@ def head_of(node: Node, facts: Mapping[str, Facts]) -> Head | None:
     known = inputs_of(node, facts)
     if not all(_alike(each, facts[node.name]) for each in known.values()):
         return None
-    return node.operation.methods[node.choice.method].head(node.parameters, known)
+    return node.operation.methods[node.choice.method].head(node.parameters, node.choice.knob or 0.0, known)
 
 
 def samplewise(node: Node, facts: Mapping[str, Facts]) -> bool:

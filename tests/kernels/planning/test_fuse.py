@@ -177,6 +177,19 @@ def test_a_convolution_goes_on_with_what_is_done_to_each_sample(size: tuple[int,
     assert np.isnan(fused.image.pixels).any()
 
 
+@pytest.mark.parametrize("size", [(33, 70), (70, 400)])
+def test_a_blur_by_few_rows_goes_on_too(size: tuple[int, int]) -> None:
+    image = Image(np.random.default_rng(4).random((*size, 3), dtype=np.float32), Space.DATA)
+    fused, alone = (
+        lichen.run_pipeline(
+            f"gaussian:sigma=4,method=multirate|{SAME}", image, device="opencl", max_error=0.1, prune=prune
+        )["result"]
+        for prune in (True, False)
+    )
+    assert fused.plan.graph.fused == (("gaussian", "levels", "curve", "transfer"),)
+    np.testing.assert_array_equal(fused.image.pixels, alone.image.pixels)
+
+
 def test_where_a_convolution_does_not_go_on() -> None:
     assert links(f"{KERNEL}|saturation|levels:black=0.1") == [("saturation", "levels")]
     assert links(f"{KERNEL}|levels:black=[0.1,0.2,0.3]|levels:white=2") == [("levels", "levels2")]

@@ -113,7 +113,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     return _by_channel(inputs, p, body)
 
 
-def _head(p: Parameters, facts: InputFacts) -> Head | None:
+def _head(p: Parameters, knob: float, facts: InputFacts) -> Head | None:
     if p.kernels is not None or p.coverage == "kept" or leaves_out(p.missing, facts):
         return None
     taps = stencil(p)

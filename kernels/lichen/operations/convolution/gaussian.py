@@ -49,10 +49,12 @@ from lichen.operations.convolution.gaussian_base import Parameters, masked_radiu
 from lichen.operations.convolution.gaussian_cases import CASES
 from lichen.operations.convolution.gaussian_turned import Turned
 from lichen.operations.convolution.gaussian_weights import MOST_TAIL, dct_bases, fir_weights, half_kernel
+from lichen.operations.convolution.multirate import SOURCE as MULTIRATE
 from lichen.operations.convolution.multirate import multirate_numpy, multirate_opencl, rates
 from lichen.operations.convolution.passes import Steps, Vector, folded, separable_numpy, separable_opencl
 from lichen.operations.convolution.recursive import recursive_numpy, recursive_opencl
 from lichen.operations.convolution.stencil import Stencil, correlate_numpy, correlate_opencl
+from lichen.stage import Head, Tail
 
 __all__ = ["Parameters", "gaussian"]
 
@@ -211,8 +213,17 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
     return lowrank.passes(terms, taps.shape[0] // 2, taps.shape[1] // 2, 0.0, value)
 
 
+def _multirate_head(p: Parameters, tail: float, facts: InputFacts) -> Head | None:
+    def run(device: Device, inputs: Inputs, then: Tail) -> Array:
+        down, across = rates(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
+        return multirate_opencl(device, inputs["image"], down, across, p.border, p.value, then)
+
+    return Head(MULTIRATE, run)
+
+
 @gaussian.method(
     "multirate",
+    head=_multirate_head,
     scratch=1.2,
     knob=Knob(
         "tail",

@@ -31,13 +31,16 @@ from lichen.operations.convolution.borders import OUTSIDE, continued
 from lichen.operations.convolution.gaussian_weights import fir_radius, fir_weights
 from lichen.operations.convolution.passes import Vector, both_axes, rows_laid_out, separable_numpy
 from lichen.operations.convolution.stencil import NEAR, STAGE, Stencil, banded, correlate
+from lichen.stage import Tail
 
 SOURCE = "convolution/multirate.cl"
+ROWS = 3
+"""Rows that are summed together, as in multirate.cl."""
 TILES = 256, 128, 64
 """Floats of a tile; the widest of which private memory holds all taps is taken."""
-WIDEST = 64.0
+WIDEST = 56.0
 """px; more taps than those of a wider filter fit no tile."""
-HELD = 1 << 23
+HELD = 1 << 22
 """Floats of both pictures of a few rows, about: what stays in a large cache until the next step reads it."""
 MOST = 64
 """Rows of which one is kept at most."""
@@ -94,8 +97,10 @@ def _sources(kept: int, height: int, rates: Rates, border: Border) -> npt.NDArra
     return continued(np.arange((kept - 1) * rates.step + len(rates.analysis)) + first, height, border)
 
 
-def multirate_opencl(device: Device, image: Image, rates: Rates, across: Vector, border: Border, value: float) -> Array:
-    """Blurred down by `rates`, along by the weights `across`."""
+def multirate_opencl(
+    device: Device, image: Image, rates: Rates, across: Vector, border: Border, value: float, tail: Tail | None = None
+) -> Array:
+    """Blurred down by `rates`, along by the weights `across`. A `tail` is for processors."""
     pixels, meant = image.coded if isinstance(image, StoredImage) else (image.pixels, None)
     height, width, channels = pixels.shape
     bands, steps = in_bands(height, width * channels, rates)
@@ -109,7 +114,7 @@ def multirate_opencl(device: Device, image: Image, rates: Rates, across: Vector,
             _sum_rows(session, (pixels, meant), read, rates.analysis[np.newaxis], rates.step, few, 0, kept, value)
             _along(session, few, blurred, across, border, value)
             some = min(rows, height - top)
-            _sum_rows(session, (blurred, None), np.arange(kept), rates.synthesis, 1, out, top, some, value)
+            _sum_rows(session, (blurred, None), np.arange(kept), rates.synthesis, 1, out, top, some, value, tail)
     return out
 
 
@@ -132,21 +137,25 @@ def _sum_rows(
     top: int,
     rows: int,
     value: float,
+    tail: Tail | None = None,
 ) -> None:
     """Of floats, or of codes and what they mean, into so many rows of `out` from `top` on; a period of `weights`, then
     another `step` further."""
     (period, taps), width, (samples, meant) = weights.shape, out.size // len(out), source
-    given = aligned(read, np.int32), aligned(weights), session.readwrite(out)
+    given = aligned(read, np.int32), session.readwrite(out)
     numbers = np.int32(top), np.int32(rows), np.int32(width), np.int32(taps), np.int32(period), np.int32(step)
     if session.in_step:
-        session.launch(SOURCE, "apart", (width, rows), samples, *given, *numbers, np.float32(value))
+        session.launch(SOURCE, "apart", (width, rows), samples, *given, aligned(weights), *numbers, np.float32(value))
         return
-    tile = next(tile for tile in TILES if taps <= STAGE // (tile + 16))
+    beside = -(-(ROWS - 1) // period) * step  # rows that are summed together begin so far apart at most
+    tile = next(tile for tile in TILES if taps + beside <= STAGE // (tile + 16))
     tiles, room = -(-width // tile), STAGE // (tile + 16)
     band = banded(rows, tiles, 2 * taps * period // step)
+    capacity = min(room, max(2 * (taps + beside), NEAR // (tile + 16)))
     session.launch(
-        SOURCE, "sums", (tiles, -(-rows // band)), samples, meant, *given, *numbers, np.int32(band), np.int32(tile),
-        np.int32(min(room, max(2 * taps, NEAR // (tile + 16)))), np.float32(value),
+        tail.source if tail else SOURCE, "sums", (tiles, -(-rows // band)), samples, meant, *given,
+        aligned(np.pad(weights, ((0, 0), (beside, beside)))), *numbers, np.int32(beside), np.int32(band),
+        np.int32(tile), np.int32(capacity), np.float32(value), tail.numbers if tail else None,
         local=(1, 1), defines={"STAGE": STAGE, "CODED": int(meant is not None)},
     )  # fmt: skip
 

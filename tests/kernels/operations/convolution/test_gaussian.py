@@ -104,7 +104,7 @@ def test_no_image_breaks_the_bound(
             assert np.abs(made - truth).max() <= method.error(parameters, knob, facts).value
 
 
-@pytest.mark.parametrize("sigma", [1.0, 2.2, 5.0, 17.3, 64.0])
+@pytest.mark.parametrize("sigma", [1.0, 2.2, 5.0, 17.3, 56.0])
 @pytest.mark.parametrize("tail", [1e-1, 1e-3, 1e-5, 1e-7])
 def test_two_narrower_gaussians_are_as_near_to_one_as_they_say(sigma: float, tail: float) -> None:
     made, half = multirate.rates(sigma, tail), half_kernel(sigma)
