@@ -80,6 +80,7 @@ def computed(
         return step(node, inputs)
 
     whole = {*chains, *banded, *identities}
+    wanted = {output.source for output in plan.graph.outputs.values()}
 
     def timed(node: Node, inputs: Inputs) -> Array | Codes:
         started = time.perf_counter()
@@ -88,7 +89,8 @@ def computed(
             found = shared.sharing.of(identities[node.name], partial(made, node, inputs))
         elif device is not None and node.name not in whole and _tabled(node, plan.graph, inputs, device):
             before(node.name)
-            found = by_table(node, inputs, device)
+            codes = by_table(node, inputs, device)
+            found = codes.floats if node.name in wanted else codes
         else:
             found = made(node, inputs)
         timing[f"kernel.{node.name}"] = time.perf_counter() - started
@@ -223,7 +225,9 @@ def _given(node: Node, inputs: Inputs, device: Device | None) -> Inputs:
 
 
 def _single(image: Image) -> Image:
-    """The image in aligned float32; itself, with all that is known of it, where it is that already."""
+    """The image in aligned float32, and no longer as it was stored; itself, with all that is known of it, where it is
+    that already."""
+    image = image.floats() if isinstance(image, StoredImage) else image
     pixels = aligned(image.pixels, np.float32)
     return image if pixels is image.pixels else image.replace(pixels=pixels)
 
@@ -268,9 +272,4 @@ def walk(
     for node in graph.observers:
         seen = {key: values[source] for key, source in node.inputs.items()}
         observe(node, seen, next(iter(seen.values())).pixels)
-    return {name: _out(values[output.source]) for name, output in graph.outputs.items()}
-
-
-def _out(image: Image) -> Image:
-    """An output: as it was stored, or floats."""
-    return image.replace() if isinstance(image, StoredImage) and image.codes.table is not None else image
+    return {name: values[output.source] for name, output in graph.outputs.items()}

@@ -139,6 +139,10 @@ class Codes:
     """the float of each code; None where that is the code over the largest one"""
 
     @property
+    def floats(self) -> Array:
+        return self.widen(self.samples)
+
+    @property
     def numbers(self) -> Array:
         """What each code of 8 bits means."""
         return np.arange(256, dtype=np.float32) / np.float32(255) if self.table is None else self.table
@@ -158,16 +162,22 @@ class StoredImage(Image):
 
     @cached_property
     def pixels(self) -> Array:
-        return self.codes.widen(self.codes.samples)
+        return self.codes.floats
 
     @property
     def widened(self) -> bool:
         """Whether somebody has asked for floats, which it keeps."""
         return "pixels" in vars(self)
 
-    def again(self) -> StoredImage:
+    def again(self) -> Image:
         """The same, whose floats go when it does."""
-        made = StoredImage(self.codes, **{name: getattr(self, name) for name in FIELDS})
+        return self._knowing(StoredImage(self.codes, **{name: getattr(self, name) for name in FIELDS}))
+
+    def floats(self) -> Image:
+        """Its floats and what they mean, and no codes."""
+        return self._knowing(self.replace())
+
+    def _knowing(self, made: Image) -> Image:
         if "extent" in vars(self):
             vars(made)["extent"] = self.extent
         return made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from lichen.files import decode, encode
 from lichen.files.samples import to_floats
 from lichen.image import Image, Space, Storage, StoredImage, as_image
 from lichen.memory import Array
+from lichen.opencl.device import LANES, default_device
 from lichen.opencl.samples import WORTH
 
 SIDE = 640
@@ -30,8 +32,8 @@ RUNS: tuple[tuple[str, dict[str, Any], bool], ...] = (
 """What runs, and whether it needs the floats that files stand for."""
 
 
-def stored(kind: type, widened: list[int]) -> Image:
-    samples = np.random.default_rng(4).integers(0, np.iinfo(kind).max, (SIDE, SIDE, 3), kind, endpoint=True)
+def stored(kind: type, widened: list[int], side: int = SIDE) -> Image:
+    samples = np.random.default_rng(4).integers(0, np.iinfo(kind).max, (side, side, 3), kind, endpoint=True)
 
     def widen(found: Array) -> Array:
         widened.append(found.size)
@@ -55,3 +57,36 @@ def test_what_is_looked_up_is_what_is_computed(name: str, given: dict[str, Any],
     assert made.method == plain.method
     assert made.image.pixels.tobytes() == plain.image.pixels.tobytes()
     assert encode(made.image, "png", storage=Storage.UINT16) == encode(plain.image, "png", storage=Storage.UINT16)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+@pytest.mark.parametrize("side", [40, SIDE])
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("resize", {"width": 21}),
+        ("gaussian", {"sigma": 1.5, "method": "fir"}),
+        ("gaussian", {"sigma": 3.0, "method": "multirate"}),
+        ("gaussian", {"sigma": 3.0, "method": "multirate", "device": "numpy"}),
+    ],
+)
+def test_data_of_any_kind_are_read_as_they_are(name: str, given: dict[str, Any], side: int, kind: type) -> None:
+    """Nothing stands between these and the samples, which a kernel reads as codes or as floats."""
+    known = stored(kind, [], side)
+    assert isinstance(known, StoredImage)
+    image = StoredImage(known.codes, space=Space.DATA, storage=known.storage)
+    made, plain = (lichen.run(name, each, **given) for each in (image, image.replace()))
+    assert made.image.pixels.tobytes() == plain.image.pixels.tobytes()
+
+
+@pytest.mark.parametrize("method", ["fir", "multirate"])
+def test_a_device_whose_items_step_together_gets_floats(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = default_device()
+    if found is None:
+        pytest.skip("there is no OpenCL device")
+    known = stored(np.uint8, [])
+    assert isinstance(known, StoredImage)
+    plain = lichen.run("gaussian", known.replace(), sigma=3.0, method=method)
+    monkeypatch.setattr("lichen.engine.default_device", lambda: dataclasses.replace(found, lanes=LANES))
+    made = lichen.run("gaussian", known, sigma=3.0, method=method)
+    np.testing.assert_allclose(made.image.pixels, plain.image.pixels, atol=1e-4)

@@ -177,12 +177,13 @@ def test_a_convolution_goes_on_with_what_is_done_to_each_sample(size: tuple[int,
     assert np.isnan(fused.image.pixels).any()
 
 
+@pytest.mark.parametrize("method", ["fir", "multirate"])
 @pytest.mark.parametrize("size", [(33, 70), (70, 400)])
-def test_a_blur_by_few_rows_goes_on_too(size: tuple[int, int]) -> None:
+def test_a_blur_goes_on_too(size: tuple[int, int], method: str) -> None:
     image = Image(np.random.default_rng(4).random((*size, 3), dtype=np.float32), Space.DATA)
     fused, alone = (
         lichen.run_pipeline(
-            f"gaussian:sigma=4,method=multirate|{SAME}", image, device="opencl", max_error=0.1, prune=prune
+            f"gaussian:sigma=4,method={method}|{SAME}", image, device="opencl", max_error=0.1, prune=prune
         )["result"]
         for prune in (True, False)
     )
@@ -191,6 +192,8 @@ def test_a_blur_by_few_rows_goes_on_too(size: tuple[int, int]) -> None:
 
 
 def test_where_a_convolution_does_not_go_on() -> None:
+    assert links("gaussian:sigma=30,method=fir|levels:black=0.1") == []
+    assert links("gaussian:sigma=2,method=deriche|levels:black=0.1") == []
     assert links(f"{KERNEL}|saturation|levels:black=0.1") == [("saturation", "levels")]
     assert links(f"{KERNEL}|levels:black=[0.1,0.2,0.3]|levels:white=2") == [("levels", "levels2")]
     assert links("convolve:name=disc,radius=9,method=direct|levels:black=0.1") == []

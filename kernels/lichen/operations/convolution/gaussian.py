@@ -48,10 +48,24 @@ from lichen.operations.convolution.boxes import boxes_numpy, boxes_opencl
 from lichen.operations.convolution.gaussian_base import Parameters, masked_radius
 from lichen.operations.convolution.gaussian_cases import CASES
 from lichen.operations.convolution.gaussian_turned import Turned
-from lichen.operations.convolution.gaussian_weights import MOST_TAIL, dct_bases, fir_weights, half_kernel
+from lichen.operations.convolution.gaussian_weights import (
+    MOST_TAIL,
+    dct_bases,
+    fir_radius,
+    fir_weights,
+    half_kernel,
+)
 from lichen.operations.convolution.multirate import SOURCE as MULTIRATE
 from lichen.operations.convolution.multirate import multirate_numpy, multirate_opencl, rates
-from lichen.operations.convolution.passes import Steps, Vector, folded, separable_numpy, separable_opencl
+from lichen.operations.convolution.passes import (
+    SOURCE,
+    Steps,
+    Vector,
+    folded,
+    rows_laid_out,
+    separable_numpy,
+    separable_opencl,
+)
 from lichen.operations.convolution.recursive import recursive_numpy, recursive_opencl
 from lichen.operations.convolution.stencil import Stencil, correlate_numpy, correlate_opencl
 from lichen.stage import Head, Tail
@@ -156,8 +170,26 @@ def _by_matrices(pixels: Array, weights: tuple[Vector, Vector], border: Border, 
     return pixels
 
 
+def _fir_head(p: Parameters, tail: float, facts: InputFacts) -> Head | None:
+    """Where both passes are one."""
+    image = facts["image"]
+    if p.turned is not None or missing.leaves_out(p.missing, facts):
+        return None
+    tall, wide = (2 * fir_radius(sigma, tail)[0] + 1 for sigma in p.deviations)
+    if tall > image.height or wide > image.width or rows_laid_out(tall, wide, image.channels) is None:
+        return None
+
+    def run(device: Device, inputs: Inputs, then: Tail) -> Array:
+        down, across = (fir_weights(sigma, tail) for sigma in p.deviations)
+        return separable_opencl(device, inputs["image"], down, across, p.border, p.value, then)
+
+    return Head(SOURCE, run)
+
+
 @gaussian.method(
     "fir",
+    head=_fir_head,
+    coded=True,
     scratch=2.1,
     knob=Knob(
         "tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, MOST_TAIL, order=1

@@ -15,35 +15,14 @@
 #define ROWS 3
 #define LANES 32
 
-// What becomes of sixteen samples of the result before they are written (fuse.py).
-#ifndef TAIL
-#define TAIL(v, k) (v)
-#endif
-
 #ifdef STAGE
-#if CODED
-typedef uchar Sample;
-#define MEANT(sample) meant[sample]
-#else
-typedef float Sample;
-#define MEANT(sample) sample
-#endif
-
-// Floats of a row from `from` on, -1 being the constant; codes are looked up in what they are `meant` to be.
+// Floats of a row from `from` on, -1 being the constant.
 STAGED_FN void stage_line(float *to, __global const Sample *in, __global const float *meant, int source, int from,
                           int count, int width, float value)
 {
-    __global const Sample *row = in + (size_t)max(source, 0) * width + from;
-    int i = 0;
-#if !CODED
     if (source >= 0)
-        for (; i + 16 <= count; i += 16)
-            vstore16(vload16(0, row + i), 0, to + i);
-#endif
-    if (source >= 0)
-        for (; i < count; i++)
-            to[i] = MEANT(row[i]);
-    for (; i < count; i++)
+        stage_run(to, in + (size_t)source * width + from, meant, count);
+    for (int i = 0; i < count && source < 0; i++)
         to[i] = value;
 }
 

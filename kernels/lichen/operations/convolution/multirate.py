@@ -40,7 +40,7 @@ TILES = 256, 128, 64
 """Floats of a tile; the widest of which private memory holds all taps is taken."""
 WIDEST = 56.0
 """px; more taps than those of a wider filter fit no tile."""
-HELD = 1 << 22
+HELD = 1 << 23
 """Floats of both pictures of a few rows, about: what stays in a large cache until the next step reads it."""
 MOST = 64
 """Rows of which one is kept at most."""
@@ -124,7 +124,7 @@ def _along(session: Session, source: Array, target: Array, across: Vector, borde
     if session.in_step or laid is None:
         correlate(session, source, target, Stencil(across[np.newaxis], 0, radius), border, value)
     else:
-        both_axes(session, source, target, ((np.ones(1), 0), (across, radius)), laid, border, value)
+        both_axes(session, (source, None), target, ((np.ones(1), 0), (across, radius)), laid, border, value)
 
 
 def _sum_rows(

@@ -22,7 +22,7 @@
 
 #ifdef STAGE
 // One row of a tile, from the staged `line`. What the next is made of is on its way from `ahead` meanwhile.
-STAGED_FN void along(const float *line, float *to, __global const float *ahead, __global const float *weights, int tile,
+STAGED_FN void along(const float *line, float *to, __global const Sample *ahead, __global const float *weights, int tile,
                      int channels, int count)
 {
     for (int i = 0; i < tile; i += SEGMENT) {
@@ -30,7 +30,7 @@ STAGED_FN void along(const float *line, float *to, __global const float *ahead, 
         float16 s0 = (float16)(0.0f), s1 = s0, s2 = s0, s3 = s0;
         #pragma unroll
         for (int k = 0; k < SEGMENT; k += 16)
-            stream_ask(ahead + i + k);
+            stream_ask((__global const float *)(ahead + i + k));
         for (int t = 0; t < count; t++, p += channels) {
             float16 w = (float16)(weights[t]);
             s0 = fma(w, vload16(0, p), s0);
@@ -48,10 +48,11 @@ STAGED_FN void along(const float *line, float *to, __global const float *ahead, 
 // One item: `band` rows of a tile, by `tall` taps down and `wide` along. `sources` names for output row y and tap t, at
 // y + t, the row to read, `beside` for a float of the tile and its margin the float of the row; -1 is the constant.
 // `reach` floats lie left of the tile, and there is room for `capacity` rows.
-__kernel void both(__global const float *restrict in, __global const int *restrict sources,
-                   __global const int *restrict beside, __global const float *restrict down,
-                   __global const float *restrict across, __global float *restrict out, int height, int width, int reach,
-                   int stride, int band, int tile, int channels, int tall, int wide, int capacity, float value,
+__kernel void both(__global const Sample *restrict in, __global const float *restrict meant,
+                   __global const int *restrict sources, __global const int *restrict beside,
+                   __global const float *restrict down, __global const float *restrict across,
+                   __global float *restrict out, int height, int width, int reach, int stride, int band, int tile,
+                   int channels, int tall, int wide, int capacity, __global const float *restrict numbers, float value,
                    float bias, int accumulate)
 {
     int x = get_global_id(0) * tile, y = get_global_id(1) * band;
@@ -70,8 +71,8 @@ __kernel void both(__global const float *restrict in, __global const int *restri
         }
         for (; first + held < min(end, all); held++) {
             int r = y + first + held;
-            __global const float *ahead = in + (size_t)max(sources[min(r + 1, y + all - 1)], 0) * width;
-            stage_row(line, in, beside, sources[r], x, reach, stride, width, value);
+            __global const Sample *ahead = in + (size_t)max(sources[min(r + 1, y + all - 1)], 0) * width;
+            stage_row(line, in, meant, beside, sources[r], x, reach, stride, width, value);
             along(line, stage + held * pitch, ahead + clamp(x - reach, 0, max(width - tile, 0)), across, tile, channels,
                   wide);
         }
@@ -86,7 +87,7 @@ __kernel void both(__global const float *restrict in, __global const int *restri
             #pragma unroll
             for (int i = 0; i < BLOCK; i++, to += width)
                 if (j + i < rows)
-                    add_line(to, sums[i].v[0], sums[i].v[1], count - k, whole, accumulate);
+                    add_line(to, TAIL(sums[i].v[0], numbers), TAIL(sums[i].v[1], numbers), count - k, whole, accumulate);
         }
     }
 }

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import as_strided
 
-from lichen.image import Image
+from lichen.image import Image, StoredImage
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.opencl.session import Session
@@ -30,6 +30,7 @@ from lichen.operations.convolution.stencil import (
     gathering,
     stride_of,
 )
+from lichen.stage import Tail
 
 Vector = npt.NDArray[np.float64]
 
@@ -76,18 +77,32 @@ MARGIN = 8192
 """Floats of a staged row at most."""
 
 
-def separable_opencl(device: Device, image: Image, down: Vector, across: Vector, border: Border, value: float) -> Array:
-    """The image convolved with `down` along its columns and `across` along its rows; odd lengths, centred."""
-    height, width, channels = image.pixels.shape
-    out, radius = aligned_empty(image.pixels.shape), len(across) // 2
+SOURCE = "convolution/passes.cl"
+
+
+def separable_opencl(
+    device: Device,
+    image: Image,
+    down: Vector,
+    across: Vector,
+    border: Border,
+    value: float,
+    tail: Tail | None = None,
+) -> Array:
+    """The image convolved with `down` along its columns and `across` along its rows; odd lengths, centred. A `tail` is
+    for processors, and for kernels of which `rows_laid_out` says that both passes are one."""
+    (height, width, channels), radius = (image.height, image.width, image.channels), len(across) // 2
+    tall, wide = _folds(down, height, image), _folds(across, width, image)
+    out = aligned_empty((height, width, channels))
+    laid = None if tall or wide or device.in_step else rows_laid_out(len(down), len(across), channels)
+    samples = image.coded if laid and isinstance(image, StoredImage) else (image.pixels, None)
     with device.session() as session:
         steps = Steps(session, border, value)
-        tall, wide = _folds(down, height, image), _folds(across, width, image)
-        laid = None if tall or wide or session.in_step else rows_laid_out(len(down), len(across), channels)
         if laid:
             centred = (down, len(down) // 2), (across, radius)
-            both_axes(session, image.pixels, out, centred, laid, border, value)
+            both_axes(session, samples, out, centred, laid, border, value, tail=tail)
             return out
+        assert tail is None, "no other kernels go on with a chain"
         between = session.scratch(image.pixels.shape)
         if tall:
             steps.multiply(*folded(down, height, border), image.pixels, between)
@@ -129,7 +144,7 @@ def rows_laid_out(tall: int, wide: int, channels: int) -> Laid | None:
 
 def both_axes(
     session: Session,
-    source: Array,
+    source: tuple[Array, Array | None],
     out: Array,
     taps: tuple[Placed, Placed],
     laid: Laid,
@@ -138,20 +153,22 @@ def both_axes(
     bias: float = 0.0,
     *,
     add: bool = False,
+    tail: Tail | None = None,
 ) -> None:
-    """Correlation down and along in one pass; `add` to what is there."""
-    (down, top), (across, left) = taps
-    (tile, stride, capacity), (height, width, channels) = laid, source.shape
+    """Correlation of floats, or of codes and what they mean, down and along in one pass; `add` to what is there."""
+    ((down, top), (across, left)), (samples, meant) = taps, source
+    (tile, stride, capacity), (height, width, channels) = laid, samples.shape
     tiles = -(-width * channels // tile)
     band = banded(height, tiles, 2 * len(down))
     window = Stencil(np.broadcast_to(1.0, (len(down), len(across))), top, left)
-    rows, beside = gathering(source.shape, window, tile, stride, border)
+    rows, beside = gathering(samples.shape, window, tile, stride, border)
     session.launch(
-        "convolution/passes.cl", "both", (tiles, -(-height // band)),
-        source, rows, beside, aligned(down), aligned(across), session.readwrite(out), np.int32(height),
+        tail.source if tail else SOURCE, "both", (tiles, -(-height // band)),
+        samples, meant, rows, beside, aligned(down), aligned(across), session.readwrite(out), np.int32(height),
         np.int32(width * channels), np.int32(left * channels), np.int32(stride), np.int32(band), np.int32(tile),
-        np.int32(channels), np.int32(len(down)), np.int32(len(across)), np.int32(capacity), np.float32(value),
-        np.float32(bias), np.int32(add), local=(1, 1), defines={"STAGE": STAGE, "MARGIN": MARGIN},
+        np.int32(channels), np.int32(len(down)), np.int32(len(across)), np.int32(capacity),
+        tail.numbers if tail else None, np.float32(value), np.float32(bias), np.int32(add),
+        local=(1, 1), defines={"STAGE": STAGE, "MARGIN": MARGIN, "CODED": int(meant is not None)},
     )  # fmt: skip
 
 
@@ -220,7 +237,7 @@ class Steps:
             some = taps[first : first + CHUNK]
             rows = np.arange(height + len(some) - 1) + first - len(taps) // 2
             self.session.launch(
-                "convolution/passes.cl", "columns", (-(-width // STRIP), -(-height // BAND)),
+                SOURCE, "columns", (-(-width // STRIP), -(-height // BAND)),
                 source, self._sources(rows, height), aligned(some), self.session.readwrite(target), np.int32(height),
                 np.int32(width), np.int32(stride), np.int32(offset), np.int32(len(some)), np.float32(self.value),
                 np.int32(first > 0), local=(1, 1),
@@ -231,7 +248,7 @@ class Steps:
         if radius:
             beside = np.concatenate([np.arange(-radius, 0), np.arange(width, width + radius)])
             self.session.launch(
-                "convolution/passes.cl", "margins", (len(padded),),
+                SOURCE, "margins", (len(padded),),
                 self.session.readwrite(padded), self._sources(beside, width), np.int32(len(padded)),
                 np.int32(padded.shape[1]), np.int32(radius), np.int32(width), np.int32(channels),
                 np.float32(self.value), local=(1,),
@@ -241,7 +258,7 @@ class Steps:
         """One pass along the padded rows."""
         height, width, channels = target.shape
         self.session.launch(
-            "convolution/passes.cl", "rows", (-(-width * channels // RUN), height),
+            SOURCE, "rows", (-(-width * channels // RUN), height),
             padded, aligned(weights), self.session.write(target), np.int32(height), np.int32(width * channels),
             np.int32(padded.shape[1]), np.int32(channels), np.int32(len(weights)),
             local=(1, 1),

@@ -24,10 +24,6 @@
 
 #define SOONER 64
 
-#ifndef TAIL
-#define TAIL(v, k) (v)
-#endif
-
 // All runs of `count` taps, from run r on.
 #define LIKE(count)                                                                                                    \
     do {                                                                                                               \

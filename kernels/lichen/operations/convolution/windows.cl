@@ -181,7 +181,7 @@ __kernel void both(__global const float *restrict in, __global const int *restri
             for (int k = 0; k < ABREAST; k++) {
                 float *own = line + k * apart;
                 to[k] = r + k < rows ? stage + (r + k) % (2 * tall) * pitch : own;
-                stage_row(own, in, beside, sources[y + min(r + k, rows - 1)], x, reach, stride, width, value);
+                stage_row(own, in, 0, beside, sources[y + min(r + k, rows - 1)], x, reach, stride, width, value);
             }
             if (channels == 3)
                 along_abreast(line, apart, to, ends, tile, wide, scale, after, 3);
@@ -192,7 +192,7 @@ __kernel void both(__global const float *restrict in, __global const int *restri
             for (int k = 0; k < stride; k += 16)
                 stream_ask(ahead + k);
         } else {
-            stage_row(line, in, beside, sources[y + r], x, reach, stride, width, value);
+            stage_row(line, in, 0, beside, sources[y + r], x, reach, stride, width, value);
             switch (wide) {
             case 1: along_few(line, row, ahead, tile, channels, scale, after, 1); break;
             case 2: along_few(line, row, ahead, tile, channels, scale, after, 2); break;
