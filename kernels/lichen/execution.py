@@ -79,18 +79,18 @@ def computed(
             return by_bands(banded[node.name], plan.graph, inputs, step)
         return step(node, inputs)
 
-    whole = {*chains, *banded, *identities}
+    whole = {*chains, *banded}
     wanted = {output.source for output in plan.graph.outputs.values()}
 
     def timed(node: Node, inputs: Inputs) -> Array | Codes:
         started = time.perf_counter()
         found: Array | Codes
-        if shared is not None and node.name in identities:
-            found = shared.sharing.of(identities[node.name], partial(made, node, inputs))
-        elif device is not None and node.name not in whole and _tabled(node, plan.graph, inputs, device):
+        if device is not None and node.name not in whole and _tabled(node, plan.graph, inputs, device):
             before(node.name)
-            codes = by_table(node, inputs, device)
+            codes = by_table(node, inputs, device)  # which is done sooner than taken over
             found = codes.floats if node.name in wanted else codes
+        elif shared is not None and node.name in identities:
+            found = shared.sharing.of(identities[node.name], partial(made, node, inputs))
         else:
             found = made(node, inputs)
         timing[f"kernel.{node.name}"] = time.perf_counter() - started

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 import lichen
+from lichen import engine
 from lichen.files import decode, encode
 from lichen.files.samples import to_floats
 from lichen.image import Image, Space, Storage, StoredImage, as_image
 from lichen.memory import Array
 from lichen.opencl.device import LANES, default_device
 from lichen.opencl.samples import WORTH
+from lichen.sharing import Shared, Sharing
 
 SIDE = 640
 RUNS: tuple[tuple[str, dict[str, Any], bool], ...] = (
@@ -76,6 +78,16 @@ def test_data_of_any_kind_are_read_as_they_are(name: str, given: dict[str, Any],
     assert isinstance(known, StoredImage)
     image = StoredImage(known.codes, space=Space.DATA, storage=known.storage)
     made, plain = (lichen.run(name, each, **given) for each in (image, image.replace()))
+    assert made.image.pixels.tobytes() == plain.image.pixels.tobytes()
+
+
+def test_runs_that_share_steps_look_up_too() -> None:
+    widened: list[int] = []
+    image = stored(np.uint8, widened)
+    prepared = engine.prepare("resize", image, width=200)
+    (made,) = prepared.run(shared=Shared(Sharing(), {"input.image": "a picture"})).values()
+    assert made.device == "numpy" or not widened
+    plain = lichen.run("resize", image.replace(), width=200)
     assert made.image.pixels.tobytes() == plain.image.pixels.tobytes()
 
 
