@@ -15,8 +15,6 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from lichen.accuracy import times
 from lichen.accuracy.metrics import Difference
 from lichen.accuracy.precision import Precision
@@ -396,6 +394,6 @@ def _measured(image: Image, device: Device | None) -> Image:
     """`image` with its extent known, found by the device where that is quicker."""
     if device is None or "extent" in vars(image):
         return image
-    if image.pixels.dtype == np.float32 and image.pixels.size >= MEASURED_ON_DEVICE:
+    if image.pixels.dtype == "f4" and image.pixels.size >= MEASURED_ON_DEVICE:
         vars(image)["extent"] = device_extent(device, image.pixels)
     return image

@@ -337,22 +337,8 @@ class Operation(Generic[P]):
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
-            self.methods[name] = Method(
-                name,
-                description,
-                implementation,
-                error,
-                work,
-                rates,
-                knob,
-                unfit,
-                stage,
-                scratch,
-                body,
-                least,
-                head,
-                coded,
-            )
+            further = knob, unfit, stage, scratch, body, least, head, coded
+            self.methods[name] = Method(name, description, implementation, error, work, rates, *further)
             return implementation
 
         return register

@@ -53,7 +53,7 @@ from lichen.operations.warp import cases, kernels
 from lichen.operations.warp.kernels import Kernel
 from lichen.operations.warp.launch import built_for
 from lichen.operations.warp.prediction import LARGEST, Size, check_size, result_facts
-from lichen.operations.warp.separable import Axis, axis
+from lichen.operations.warp.separable import Axis, axis, ring
 from lichen.part import Part, Place, Rectangle, place_of, placed
 
 Factor = Annotated[float, Field(gt=0, le=LARGEST)]
@@ -324,36 +324,21 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 def _opencl(device: Device, inputs: Inputs, p: Parameters, name: str) -> Array:
     image = inputs["image"]
     across, down = _axes(p, Facts.sized(image), name)
-    coded = isinstance(image, StoredImage) and _ring(across, down, image.channels) is not None
+    coded = isinstance(image, StoredImage) and ring(across, down, WIDE // image.channels)
     pixels, meant = image.coded if isinstance(image, StoredImage) and coded else (aligned(image.pixels), None)
     with device.session() as session:
         return launched(device, session, pixels, across, down, p.value, meant)
 
 
-def _ring(across: Axis, down: Axis, channels: int) -> tuple[int, int, Array] | None:
-    """Rows of a ring that holds what any row of the result takes, columns of the result to a strip, and what each strip
-    takes; None where that is too much."""
-    slots, spans = down.slots(), across.spans(WIDE // channels)
-    return None if slots is None or spans is None else (slots, *spans)
-
-
 def launched(
-    device: Device,
-    session: Session,
-    pixels: Array,
-    across: Axis,
-    down: Axis,
-    value: float,
-    meant: Array | None = None,
+    device: Device, session: Session, pixels: Array, across: Axis, down: Axis, value: float, meant: Array | None = None
 ) -> Array:
-    """Both axes of aligned pixels on a device, or of codes where it is told what they are `meant` to be and rows go
-    through a ring; done when the session is."""
+    """Both axes of aligned pixels on a device, or where there is a `ring` of codes and what they are `meant` to be."""
     (height, width), (_, columns, channels) = (len(down.index), len(across.index)), pixels.shape
     out = aligned_empty((height, width, channels))
     given = (*tables(down, value), np.int32(down.taps)), (*tables(across, value), np.int32(across.taps))
-    ring = None if session.in_step else _ring(across, down, channels)  # such rings are for first caches
-    if ring is not None:
-        slots, wide, spans = ring
+    if not session.in_step and (laid := ring(across, down, WIDE // channels)):  # such rings are for first caches
+        slots, wide, spans = laid
         strips, band = len(spans), BAND
         while band > 8 and strips * -(-height // band) < 4 * device.compute_units:
             band //= 2

@@ -92,6 +92,13 @@ class Axis:
         return out
 
 
+def ring(across: Axis, down: Axis, most: int) -> tuple[int, int, Whole] | None:
+    """How many rows hold what any row of the result takes, how many columns of the result take `most` of the source at
+    most, and what each group of these takes; None where either is too much."""
+    slots, spans = down.slots(), across.spans(most)
+    return None if slots is None or spans is None else (slots, *spans)
+
+
 @lru_cache(maxsize=64)
 def axis(before: int, after: int, kernel: Kernel, border: Border) -> Axis:
     """From `before` samples to `after`."""
