@@ -145,7 +145,7 @@ ROUNDING = float(np.finfo(np.float32).eps) / 2
 
 @dataclass(frozen=True, slots=True)
 class Knob:
-    """A number that trades accuracy for time inside a method. `values` is its sweep, cheapest first."""
+    """A number that trades accuracy for time, swept over `values`, cheapest first; errors go with its power `order`."""
 
     name: str
     values: tuple[float, ...]
@@ -153,7 +153,6 @@ class Knob:
     low: float
     high: float
     order: float | None = None
-    """the power of the knob that the error goes by where its first term leads, as theory has it; None: no power"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,8 +385,7 @@ class Operation(Generic[P]):
     def validate(self, values: Mapping[str, Any]) -> P:
         """Parameters from a mapping. Raises `InvalidRequest` naming every bad field at once.
 
-        Text is accepted for every field, as a URL gives it: numbers and enumerations plain, vectors and matrices as
-        JSON.
+        Text is accepted for every field, as a URL gives it: numbers and enumerations plain, the rest as JSON.
         """
         fields = self.parameters.model_fields
         prepared = {name: from_text(value, fields.get(name)) for name, value in values.items()}
