@@ -56,7 +56,7 @@ from lichen.operations.convolution.gaussian_weights import (
     half_kernel,
 )
 from lichen.operations.convolution.multirate import SOURCE as MULTIRATE
-from lichen.operations.convolution.multirate import multirate_numpy, multirate_opencl, rates
+from lichen.operations.convolution.multirate import filters, multirate_numpy, multirate_opencl
 from lichen.operations.convolution.passes import (
     SOURCE,
     Steps,
@@ -247,7 +247,7 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
 
 def _multirate_head(p: Parameters, tail: float, facts: InputFacts) -> Head | None:
     def run(device: Device, inputs: Inputs, then: Tail) -> Array:
-        down, across = rates(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
+        down, across = filters(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
         return multirate_opencl(device, inputs["image"], down, across, p.border, p.value, then)
 
     return Head(MULTIRATE, run)
@@ -269,12 +269,12 @@ class Multirate:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, tail: float) -> Array:
-        down, across = rates(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
+        down, across = filters(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
         return multirate_opencl(device, inputs["image"], down, across, p.border, p.value)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, tail: float) -> Array:
-        down, across = rates(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
+        down, across = filters(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
         return multirate_numpy(inputs["image"].pixels, down, across, p.border, p.value)
 
 

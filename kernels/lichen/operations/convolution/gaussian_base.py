@@ -244,7 +244,7 @@ def multirate_filters(p: Parameters, tail: float) -> tuple[Rates, int, float]:
 def multirate_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
     """What leaving rows out and cutting off both axes' kernels changes, proved; and rounding, as of `fir`."""
     (wide, magnitude), (down, radius, cut) = spread(p, facts), multirate_filters(p, tail)
-    rounding = 1.01 * (len(down.analysis) + 2 * radius + down.taps + 7) * ROUNDING * magnitude
+    rounding = 1.01 * (down.rows + 2 * radius + down.taps + 7) * ROUNDING * magnitude
     return Error((down.distance + cut) * wide + rounding, "bound", rounding)
 
 
@@ -254,7 +254,7 @@ def multirate_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     bands, steps = in_bands(image.height, image.width * image.channels, down)
     kept = bands * (steps + down.taps - 1) / image.height
     along = 1.6 * (2 * radius + 1) + STAGED
-    return image.samples * (28.0 + kept * (len(down.analysis) + along) + 0.9 * down.taps)
+    return image.samples * (28.0 + kept * (down.rows + along) + 0.9 * down.taps)
 
 
 def multirate_unfit(p: Parameters, facts: InputFacts) -> str | None:

@@ -46,41 +46,78 @@ MOST = 64
 """Rows of which one is kept at most."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Rates:
-    """The two filters down an image."""
+    """How rows are left out and put back, in numbers alone: planning asks for those of many tails."""
 
     step: int
     """rows of which one is kept"""
-    analysis: Vector
-    """odd, centred"""
-    synthesis: npt.NDArray[np.float64]
-    """(step, taps): row step q + p of the result is the sum over k of [p, k] times kept row q - before + k"""
+    radius: int
+    """of the first filter, in rows"""
     before: int
+    after: int
+    """kept rows before and after its own that a row of the result is summed from"""
     distance: float
     """from the Gaussian: half the sum of the magnitudes of all differences, at most"""
 
     @property
     def taps(self) -> int:
-        return int(self.synthesis.shape[1])
+        """Of the second filter."""
+        return self.before + 1 + self.after
+
+    @property
+    def rows(self) -> int:
+        """That a kept row is summed from."""
+        return 2 * self.radius + 1
 
 
-@lru_cache(maxsize=256)
+@dataclass(frozen=True, eq=False)
+class Filters:
+    """The two filters down an image."""
+
+    rates: Rates
+    analysis: Vector
+    """odd, centred"""
+    synthesis: npt.NDArray[np.float64]
+    """(step, taps): row step q + p of the result is the sum over k of [p, k] times kept row q - before + k"""
+
+
+@lru_cache(maxsize=1024)
 def rates(sigma: float, tail: float) -> Rates:
     """Filters whose distance is about `tail`, where `sigma` is so wide that rows can be left out."""
     step = min(max(int(math.pi * sigma / math.sqrt(2 * math.log(4.1 / tail))), 1), MOST)
-    folded = 2 * sum(math.exp(-0.5 * (math.pi * sigma * m / step) ** 2) for m in (1, 2, 3))
     part = sigma / math.sqrt(2)
     radius, cut = fir_radius(part, tail / 4)
     before, after = radius // step, (radius + step - 1) // step
-    beyond = math.ceil(9 * part / step) + 1
-    at = step * np.arange(-beyond, beyond + 2) - np.arange(step)[:, np.newaxis]
-    weights = np.exp(-0.5 * np.square(at / part))
-    weights /= weights.sum(axis=1, keepdims=True)
-    kept = weights[:, beyond - before : beyond + after + 1]
-    sums = kept.sum(axis=1, keepdims=True)
-    distance = folded / (1 - folded) + cut + float((1 - sums).max())
-    return Rates(step, fir_weights(part, tail / 4), kept / sums, before, distance)
+    # What the second filter lacks falls off with the distance on either side: of all phases the first or the last most.
+    lacking = max(
+        _beyond((before + 1) * step + phase, part, step) + _beyond((after + 1) * step - phase, part, step)
+        for phase in (0, step - 1)
+    )
+    folded = _folded(sigma, step)
+    return Rates(step, radius, before, after, folded / (1 - folded) + cut + lacking / (1 - _folded(2 * part, step)))
+
+
+def _folded(sigma: float, step: int) -> float:
+    """e of the module's text."""
+    return 2 * sum(math.exp(-0.5 * (math.pi * sigma * m / step) ** 2) for m in (1, 2, 3))
+
+
+def _beyond(first: int, sigma: float, step: int) -> float:
+    """The weight of a Gaussian's samples at `first` > 0 and every `step` further, relative to the integral over all of
+    them, at most: that of the first three, and an integral in place of the rest."""
+    places = [(first + step * k) / sigma for k in range(3)]
+    summed = sum(math.exp(-0.5 * place * place) for place in places) / math.sqrt(2 * math.pi)
+    return summed * step / sigma + 0.5 * math.erfc(places[-1] / math.sqrt(2))
+
+
+@lru_cache(maxsize=64)
+def filters(sigma: float, tail: float) -> Filters:
+    """The weights that `rates` speaks of."""
+    found, part = rates(sigma, tail), sigma / math.sqrt(2)
+    kept = np.arange(-found.before, found.after + 1) * found.step - np.arange(found.step)[:, np.newaxis]
+    weights = np.exp(-0.5 * np.square(kept / part))
+    return Filters(found, fir_weights(part, tail / 4), weights / weights.sum(axis=1, keepdims=True))
 
 
 def in_bands(height: int, width: int, rates: Rates) -> tuple[int, int]:
@@ -93,14 +130,15 @@ def in_bands(height: int, width: int, rates: Rates) -> tuple[int, int]:
 
 def _sources(kept: int, height: int, rates: Rates, border: Border) -> npt.NDArray[np.int64]:
     """The rows that so many which are kept are summed from, in order; neighbours share most."""
-    first = -rates.before * rates.step - len(rates.analysis) // 2
-    return continued(np.arange((kept - 1) * rates.step + len(rates.analysis)) + first, height, border)
+    first = -rates.before * rates.step - rates.radius
+    return continued(np.arange((kept - 1) * rates.step + rates.rows) + first, height, border)
 
 
 def multirate_opencl(
-    device: Device, image: Image, rates: Rates, across: Vector, border: Border, value: float, tail: Tail | None = None
+    device: Device, image: Image, down: Filters, across: Vector, border: Border, value: float, tail: Tail | None = None
 ) -> Array:
-    """Blurred down by `rates`, along by the weights `across`. A `tail` is for processors."""
+    """Blurred down by these filters, along by the weights `across`. A `tail` is for processors."""
+    rates = down.rates
     pixels, meant = image.coded if isinstance(image, StoredImage) else (image.pixels, None)
     height, width, channels = pixels.shape
     bands, steps = in_bands(height, width * channels, rates)
@@ -110,11 +148,11 @@ def multirate_opencl(
     with device.session() as session:
         few, blurred = (session.scratch((kept, width, channels)) for _ in range(2))
         for top in range(0, height, rows):
-            read = sources[top : top + (kept - 1) * rates.step + len(rates.analysis)]
-            _sum_rows(session, (pixels, meant), read, rates.analysis[np.newaxis], rates.step, few, 0, kept, value)
+            read = sources[top : top + (kept - 1) * rates.step + rates.rows]
+            _sum_rows(session, (pixels, meant), read, down.analysis[np.newaxis], rates.step, few, 0, kept, value)
             _along(session, few, blurred, across, border, value)
             some = min(rows, height - top)
-            _sum_rows(session, (blurred, None), np.arange(kept), rates.synthesis, 1, out, top, some, value, tail)
+            _sum_rows(session, (blurred, None), np.arange(kept), down.synthesis, 1, out, top, some, value, tail)
     return out
 
 
@@ -160,19 +198,20 @@ def _sum_rows(
     )  # fmt: skip
 
 
-def multirate_numpy(pixels: Array, rates: Rates, across: Vector, border: Border, value: float) -> Array:
+def multirate_numpy(pixels: Array, down: Filters, across: Vector, border: Border, value: float) -> Array:
     """The same."""
+    rates = down.rates
     height, step = len(pixels), rates.step
     kept = -(-height // step) + rates.taps - 1
     read = _sources(kept, height, rates, border)
     padded = np.take(pixels, np.maximum(read, 0), 0)
     padded[read == OUTSIDE] = value
     few = np.zeros((kept, *pixels.shape[1:]), np.float32)
-    for at, weight in enumerate(rates.analysis):
+    for at, weight in enumerate(down.analysis):
         few += np.float32(weight) * padded[at::step][:kept]
     few = separable_numpy(Image(few), np.ones(1), across, border, value)
     out = aligned_empty(pixels.shape)
-    for phase, weights in enumerate(rates.synthesis):
+    for phase, weights in enumerate(down.synthesis):
         some = out[phase::step]
         some[...] = 0
         for at, weight in enumerate(weights):

@@ -107,15 +107,16 @@ def test_no_image_breaks_the_bound(
 @pytest.mark.parametrize("sigma", [1.0, 2.2, 5.0, 17.3, 56.0])
 @pytest.mark.parametrize("tail", [1e-1, 1e-3, 1e-5, 1e-7])
 def test_two_narrower_gaussians_are_as_near_to_one_as_they_say(sigma: float, tail: float) -> None:
-    made, half = multirate.rates(sigma, tail), half_kernel(sigma)
+    filters, half = multirate.filters(sigma, tail), half_kernel(sigma)
+    made = filters.rates
     assert made.step > 1 or sigma < 3
     truth = np.concatenate([half[:0:-1], half])
     furthest = 0.0
-    for phase, weights in enumerate(made.synthesis):
+    for phase, weights in enumerate(filters.synthesis):
         apart = np.zeros((made.taps - 1) * made.step + 1)
         apart[:: made.step] = weights
-        response = np.convolve(apart, made.analysis)
-        first = -made.before * made.step - len(made.analysis) // 2 - phase  # of the row that it is summed for
+        response = np.convolve(apart, filters.analysis)
+        first = -made.before * made.step - made.radius - phase  # of the row that it is summed for
         whole = np.zeros(2 * max(len(truth), len(response)) + 1)
         middle = len(whole) // 2
         whole[middle - len(half) + 1 : middle + len(half)] = -truth
