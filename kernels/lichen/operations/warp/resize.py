@@ -33,7 +33,7 @@ from lichen.errors import Flaw
 from lichen.image import Alpha, StoredImage
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
-from lichen.opencl.session import Session
+from lichen.opencl.session import Held, Session
 from lichen.operation import (
     ROUNDING,
     WHOLE,
@@ -336,17 +336,16 @@ def launched(
     """Both axes of aligned pixels on a device, or where there is a `ring` of codes and what they are `meant` to be."""
     (height, width), (_, columns, channels) = (len(down.index), len(across.index)), pixels.shape
     out = aligned_empty((height, width, channels))
-    given = (*tables(down, value), np.int32(down.taps)), (*tables(across, value), np.int32(across.taps))
+    given = tables(device, down, value), tables(device, across, value)
     if not session.in_step and (laid := ring(across, down, WIDE // channels)):  # such rings are for first caches
-        slots, wide, spans = laid
+        slots, reach, wide, spans = laid
         strips, band = len(spans), BAND
         while band > 8 and strips * -(-height // band) < 4 * device.compute_units:
             band //= 2
         session.launch(
             "warp/resize.cl", "both", (strips, -(-height // band)), pixels, meant, session.readwrite(out),
-            *given[0], *given[1], aligned(np.stack(down.reach, axis=-1), np.int32), aligned(spans, np.int32),
-            np.int32(columns), np.int32(width), np.int32(height), np.int32(band), np.int32(channels),
-            local=(1, 1),
+            *given[0], *given[1], reach, spans, np.int32(columns), np.int32(width), np.int32(height),
+            np.int32(band), np.int32(channels), local=(1, 1),
             defines={**built_for(channels), "SLOTS": slots, "OUT": wide, "WIDE": WIDE, "CODED": int(meant is not None)},
         )  # fmt: skip
         return out
@@ -358,15 +357,16 @@ def launched(
     )  # fmt: skip
     session.launch(
         "warp/resize.cl", "across", (-(-width // STRIP), -(-height // BLOCK)), between, session.readwrite(out),
-        *given[1], np.int32(columns), np.int32(width), np.int32(height), np.int32(channels), local=(1, 16),
-        defines=built_for(channels),
+        *given[1], *map(np.int32, (columns, width, height, channels)), local=(1, 16), defines=built_for(channels),
     )  # fmt: skip
     return out
 
 
-def tables(one: Axis, value: float) -> tuple[Array, Array, Array]:
-    """Index, weights and what the border adds, as the kernels of resize.cl take them."""
-    return aligned(one.index, np.int32), aligned(one.weights), aligned(one.constant * value)
+@lru_cache(maxsize=64)
+def tables(device: Device, one: Axis, value: float) -> tuple[Held, Held, Held, np.int32]:
+    """Index, weights, what the border adds and how many taps, as the kernels of resize.cl take them; kept."""
+    keep = device.constant
+    return keep(one.index, np.int32), keep(one.weights), keep(one.constant * value), np.int32(one.taps)
 
 
 def _numpy(inputs: Inputs, p: Parameters, name: str) -> Array:

@@ -17,7 +17,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from lichen.memory import Array
+from lichen.memory import Array, aligned
 from lichen.operation import Border
 from lichen.operations.convolution.borders import OUTSIDE, continued
 from lichen.operations.warp.kernels import Doubles, Kernel
@@ -92,11 +92,15 @@ class Axis:
         return out
 
 
-def ring(across: Axis, down: Axis, most: int) -> tuple[int, int, Whole] | None:
-    """How many rows hold what any row of the result takes, how many columns of the result take `most` of the source at
-    most, and what each group of these takes; None where either is too much."""
-    slots, spans = down.slots(), across.spans(most)
-    return None if slots is None or spans is None else (slots, *spans)
+@lru_cache(maxsize=64)
+def ring(across: Axis, down: Axis, most: int) -> tuple[int, Whole, int, Whole] | None:
+    """How many rows hold what any row of the result takes, and which those are; how many columns of the result take
+    `most` of the source at most, and what each group of these takes. None where either is too much."""
+    slots, found = down.slots(), across.spans(most)
+    if slots is None or found is None:
+        return None
+    wide, spans = found
+    return slots, aligned(np.stack(down.reach, axis=-1), np.int32), wide, aligned(spans, np.int32)
 
 
 @lru_cache(maxsize=64)
