@@ -3,7 +3,7 @@
 Every call runs once before it counts, which builds programs, and once more, which tells how often it fits into a turn:
 quick ones run several times, since single calls scatter more. Turns are repeated as often as an `Effort` affords: where
 calls take long, fewer runs know them as well. One that takes by itself as long as all rounds should is run no more, and
-one that takes far longer than anything is timed for is known by its first run.
+one that takes longer than any program takes to build is known by its first run.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ FAILURES = (LichenError, RuntimeError, ValueError)
 """What ours and other libraries raise where they cannot take a case."""
 REPEATS = 8
 """Runs of a call in one turn at most."""
+BUILT = 10.0
+"""Seconds that no first run takes for building programs alone."""
 
 Call = Callable[[], object]
 
@@ -62,7 +64,7 @@ def timed(calls: Mapping[str, Call], effort: Effort) -> dict[str, Timed]:
     for name, call in calls.items():
         try:
             took = _seconds(call)
-            if took < 2 * effort.longest:  # no program takes so long to build
+            if took < BUILT:
                 took = _seconds(call)
         except FAILURES as failure:
             found[name] = Timed(math.nan, failed=brief(failure))

@@ -12,6 +12,7 @@ import pytest
 
 import lichen
 from lichen.accuracy import times
+from lichen.calibration import turns
 from lichen.calibration.calibrate import Outcome, calibrate
 from lichen.calibration.corpus import typical
 from lichen.calibration.fit import Sample, fit, misses
@@ -334,6 +335,14 @@ def test_calls_take_turns_as_often_as_is_affordable() -> None:
     ran.clear()
     timed({"quick": calls["quick"]}, Effort((2, 5), seconds=60.0, turn=1.0, longest=1.0))
     assert len(ran) == 2 + 5 * REPEATS
+
+
+@pytest.mark.parametrize(("first", "told"), [(2.0, 1e-3), (turns.BUILT, turns.BUILT)])
+def test_what_a_first_run_builds_is_not_its_time(first: float, told: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = iter([first, *[1e-3] * 100])
+    monkeypatch.setattr(turns, "_seconds", lambda call: next(taken))
+    found = timed({"built": lambda: None}, Effort((2, 2), seconds=0.1, turn=0.0, longest=0.5))
+    assert found["built"].seconds == told
 
 
 def test_times_are_lower_quartiles_of_runs() -> None:
