@@ -16,7 +16,7 @@ import numpy as np
 
 from lichen.accuracy.precision import Precision, kept
 from lichen.errors import LichenError
-from lichen.image import FIELDS, Codes, Image, Storage, StoredImage
+from lichen.image import Codes, Image, Storage, StoredImage
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.opencl.programs import compose
@@ -155,8 +155,7 @@ def by_table(node: Node, inputs: Inputs, device: Device) -> Codes:
     ((key, image),) = inputs.items()
     assert isinstance(image, StoredImage)
     every = np.repeat(image.codes.numbers[np.newaxis, :, np.newaxis], image.channels, axis=2)
-    known = {name: getattr(image, name) for name in FIELDS}
-    table = aligned(by_method(node, {key: Image(every, **known)}, device)[0, :, 0])
+    table = aligned(by_method(node, {key: image.replace(pixels=every)}, device)[0, :, 0])
     return Codes(image.codes.samples, partial(looked_up, device, table), table)
 
 

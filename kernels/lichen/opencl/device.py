@@ -115,8 +115,8 @@ class Device:
         return Session(self)
 
     def constant(self, values: Array, dtype: npt.DTypeLike = np.float32) -> Held:
-        """Values that kernels of any session read and nobody writes, for what many runs read alike: making a buffer of
-        an array takes a session 10 us. Keep it as long as a session uses it."""
+        """Values that kernels of any session read and nobody writes, for what many runs read alike: a session
+        makes a buffer of every array anew. Keep it as long as a session uses it."""
         held = aligned(values, dtype)
         return wrapped(self, held, held.ctypes.data, needed=True)
 

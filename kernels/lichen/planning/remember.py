@@ -1,8 +1,8 @@
 """What was asked before, and plans that were made of it.
 
 A plan follows from the graph and the request alone, and callers ask for the same again and again: the frames of an
-animation, the tiles of a picture, the requests of a page. Reading what is asked, and planning it, takes 0.2 to 0.4 ms
-each, which is as much as a small kernel, so the last ones are kept.
+animation, the tiles of a picture, the requests of a page. Planning takes at least 0.2 to 0.4 ms, which is as much as a
+small kernel, and reading what is asked a part of that, so the last ones are kept.
 
 Rules:
 

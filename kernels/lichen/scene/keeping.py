@@ -1,16 +1,13 @@
-"""Scenes that were read, and graphs that they were lowered to, kept for the next frame.
+"""What scenes and their pictures were made to, kept for the next frame.
 
 Frames of an animation, tiles of a picture and requests of a page ask for the same scene with the same pictures again
 and again. Reading and lowering one with 64 lights takes 2 to 5 ms, as much as its pixels where most of them are left
-out.
+out. What a scene says is kept as `lichen.planning.remember` keeps it; here is what depends on its pictures.
 
 Rules:
 
-* A scene is kept by what it says, number for number: 1, 1.0 and true are three scenes. What cannot be written out
-  plainly is read anew.
 * A graph is kept by its scene and its pictures themselves, not their equals: what is left out depends on pixels. It
   keeps no picture alive.
-* What was refused is not kept: a second request is refused as the first was.
 * What is made of a picture is kept with it, and dies with it.
 """
 

@@ -43,7 +43,7 @@ from lichen.memory import Array, aligned_empty
 from lichen.opencl.device import Device
 from lichen.operation import Border, Facts, Footprint, Input, InputFacts, Inputs, Knob, Light, Operation, Rate
 from lichen.operations.convolution import gaussian_base as base
-from lichen.operations.convolution import gaussian_turned, lowrank, missing
+from lichen.operations.convolution import gaussian_turned, lowrank, missing, multirate
 from lichen.operations.convolution.boxes import boxes_numpy, boxes_opencl
 from lichen.operations.convolution.gaussian_base import Parameters, masked_radius
 from lichen.operations.convolution.gaussian_cases import CASES
@@ -55,8 +55,6 @@ from lichen.operations.convolution.gaussian_weights import (
     fir_weights,
     half_kernel,
 )
-from lichen.operations.convolution.multirate import SOURCE as MULTIRATE
-from lichen.operations.convolution.multirate import filters, multirate_numpy, multirate_opencl
 from lichen.operations.convolution.passes import (
     SOURCE,
     Steps,
@@ -245,12 +243,16 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
     return lowrank.passes(terms, taps.shape[0] // 2, taps.shape[1] // 2, 0.0, value)
 
 
+def _few_rows(p: Parameters, tail: float) -> tuple[multirate.Filters, Vector]:
+    down, across = p.deviations
+    return multirate.filters(down, tail), fir_weights(across, tail)
+
+
 def _multirate_head(p: Parameters, tail: float, facts: InputFacts) -> Head | None:
     def run(device: Device, inputs: Inputs, then: Tail) -> Array:
-        down, across = filters(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
-        return multirate_opencl(device, inputs["image"], down, across, p.border, p.value, then)
+        return multirate.multirate_opencl(device, inputs["image"], *_few_rows(p, tail), p.border, p.value, then)
 
-    return Head(MULTIRATE, run)
+    return Head(multirate.SOURCE, run)
 
 
 @gaussian.method(
@@ -269,13 +271,11 @@ class Multirate:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, tail: float) -> Array:
-        down, across = filters(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
-        return multirate_opencl(device, inputs["image"], down, across, p.border, p.value)
+        return multirate.multirate_opencl(device, inputs["image"], *_few_rows(p, tail), p.border, p.value)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, tail: float) -> Array:
-        down, across = filters(p.deviations[0], tail), fir_weights(p.deviations[1], tail)
-        return multirate_numpy(inputs["image"].pixels, down, across, p.border, p.value)
+        return multirate.multirate_numpy(inputs["image"].pixels, *_few_rows(p, tail), p.border, p.value)
 
 
 @gaussian.method(

@@ -5,8 +5,8 @@
 // and serves all of the rows it reaches.
 //
 // Of 7 x 7 taps a run is 84 multiply-adds, 36 loads of samples and 7 of weights, and its twelve sums stay in registers:
-// alone the sums come to 95 % of the peak of multiply-adds, with what is staged, read and written to 70 % (2048 x 2048 x
-// 4, two Zen 3 cores).
+// the sums are bound by multiply-adds, and what is staged, read and written goes on beside them (`make bench
+// ARGS=convolution` tells the share of their peak).
 //
 // Where a kernel has so many taps that summing takes longer than reading and writing (`busy`), both go on meanwhile: the
 // next rows are staged beside the sums, and results are stored through the cache, for stores past it would wait for one
@@ -15,9 +15,6 @@
 // load of what it has stored.
 //
 // A zero tap is in no run, so no NaN leaves the taps that are there. `width` and all strides count floats.
-
-// Definitions given at build time:
-//   TAIL(v, k)   what becomes of sixteen samples of the result before they are written, with the numbers in `k` (fuse.py)
 
 #include "staged.clh"
 #include "strips.clh"

@@ -89,8 +89,8 @@ kernel void across(global const float *restrict in, global float *restrict out, 
 
 /* Both axes of a band of `tall` rows of a strip of OUT columns, of the `floats` source floats from `spans` on, at most
  * WIDE; `reach` has the first source row of each row, and the one after its last. Source rows go through a ring of SLOTS,
- * so that each is read from the image once, codes being looked up there, and is next to the rows that are summed with it: in the image, rows of 4096
- * pixels compete for the same lines of a cache. Along rows LINES samples of a column are summed at once: one sum after the
+ * so that each is read from the image once, codes being looked up there, and is next to the rows that are summed with it:
+ * in the image, rows of 4096 pixels compete for the same lines of a cache. Along rows LINES samples of a column are summed at once: one sum after the
  * other, each of which waits for its last product, took 2.5 times as long for 12 megapixels of three channels. */
 #ifdef SLOTS
 #define AHEAD 4 /* rows that are asked for before they are kept: rows of a strip lie apart */
@@ -176,7 +176,8 @@ kernel void both(global const Sample *restrict in, global const float *restrict 
                  global const int *restrict index, global const float *restrict weights,
                  global const float *restrict outside, int taps, global const int *restrict index_across,
                  global const float *restrict weights_across, global const float *restrict outside_across,
-                 int taps_across, global const int *restrict reach, global const int *restrict spans, int columns, int wide, int rows, int tall, int given) {
+                 int taps_across, global const int *restrict reach, global const int *restrict spans, int columns, int wide,
+                 int rows, int tall, int given) {
     const int strip = get_global_id(0), first = strip * OUT, top = get_global_id(1) * tall;
     if (first >= wide || top >= rows) return;
     const int channels = CHANNELS ? CHANNELS : given;
