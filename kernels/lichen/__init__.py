@@ -79,5 +79,6 @@ def __getattr__(name: str) -> Any:
     """Names are loaded at first use, so that `import lichen` is quick and asking for a version loads nothing."""
     for home, names in _HOMES.items():
         if name in names:
-            return getattr(importlib.import_module(home), name)
+            found = globals()[name] = getattr(importlib.import_module(home), name)
+            return found
     raise AttributeError(f"module 'lichen' has no attribute {name!r}")

@@ -23,13 +23,13 @@ from lichen.execution import Before, computed, exact, unheard
 from lichen.image import Alpha, Image, Space, Storage, as_image
 from lichen.memory import Array
 from lichen.opencl.device import Device, default_device, status
-from lichen.opencl.extent import extent as device_extent
+from lichen.opencl.extent import measured
 from lichen.operation import Error, Facts
 from lichen.order import Order, Picture, read_order, read_pipeline_order
 from lichen.planning.graph import RESULT, Decision, Graph
 from lichen.planning.hidden import thin
 from lichen.planning.pipeline import Pipeline
-from lichen.planning.plan import Plan
+from lichen.planning.plan import Plan, make_plan
 from lichen.planning.remember import remembered
 from lichen.sharing import Shared
 from lichen.verification import Verification, verify
@@ -39,9 +39,6 @@ if TYPE_CHECKING:
     from lichen.scene.heat import TileMap
 
 log = logging.getLogger("lichen")
-
-MEASURED_ON_DEVICE = 1 << 18
-"""Samples from which a device finds the range of an image sooner than NumPy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +76,7 @@ class Result:
     @cached_property
     def nonfinite(self) -> int:
         """How many values of the output are NaN or infinite."""
-        return _measured(self.image, default_device() if self.device == "opencl" else None).extent.nonfinite
+        return measured(self.image, default_device() if self.device == "opencl" else None).extent.nonfinite
 
 
 def run(
@@ -353,11 +350,17 @@ def _prepared_on(
 ) -> Prepared:
     started = time.perf_counter()
     order = read(_backend(device))
-    facts = {key: Facts.of(_measured(value, device)) for key, value in order.images.items()}
-    request = dataclasses.replace(order.request, rates=times.current(order.request.backend))
-    hiding = thin(order.nodes, order.images, prune=order.request.prune)
-    graph = Graph(facts, order.nodes, order.outputs, decided, order.precision, thin=hiding)
-    plan = remembered(graph, request, lambda: order.refuse_flaws(facts))
+    facts = {key: Facts.of(measured(value, device)) for key, value in order.images.items()}
+    rates, several = times.current(order.request.backend), len(order.images) > 1
+    hiding = thin(order.nodes, order.images, prune=order.request.prune) if several else {}
+
+    def made() -> Plan:
+        order.refuse_flaws(facts)
+        graph = Graph(facts, order.nodes, order.outputs, decided, order.precision, thin=hiding)
+        return make_plan(graph, dataclasses.replace(order.request, rates=rates))
+
+    told = order.key and (order.key, order.precision, tuple(facts.items()), tuple(hiding.items()), decided)
+    plan = remembered(told or None, rates, made)
     return Prepared(order, plan, time.perf_counter() - started, device, fallback)
 
 
@@ -388,12 +391,3 @@ def _skipped(findings: Mapping[str, Mapping[str, Any]]) -> Iterator[Decision]:
         for each in found.get("skipped", ()):
             share = f"{each['reason']}: {each['pairs']} of {found['pairs']} pairs of an effect and a tile"
             yield Decision("tiles", name, "skipped", share, each["bound"])
-
-
-def _measured(image: Image, device: Device | None) -> Image:
-    """`image` with its extent known, found by the device where that is quicker."""
-    if device is None or "extent" in vars(image):
-        return image
-    if image.pixels.dtype == "f4" and image.pixels.size >= MEASURED_ON_DEVICE:
-        vars(image)["extent"] = device_extent(device, image.pixels)
-    return image

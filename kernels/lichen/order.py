@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -19,11 +19,11 @@ from lichen.accuracy.precision import Precision
 from lichen.catalogue import operation
 from lichen.errors import Flaw, InvalidRequest, NonfiniteInput, nearest
 from lichen.image import Alpha, Image, Space, Storage, as_image, repaired
-from lichen.operation import Facts, Operation, OperationParameters
+from lichen.operation import Facts, Operation
 from lichen.planning.check import flaws_of_crop, flowing, unfit
 from lichen.planning.graph import RESULT, Asked, Graph, Node, Output, Request
 from lichen.planning.pipeline import INPUT, Exit, Pipeline, escaped, read
-from lichen.planning.remember import Kept, written
+from lichen.planning.remember import Kept, told, written
 
 Picture = Image | npt.ArrayLike
 Named = TypeVar("Named", bound=StrEnum)
@@ -75,6 +75,8 @@ class Order:
     verify: bool = False
     pointers: bool = False
     """whether flaws of nodes are pointed at by the nodes' names"""
+    key: Hashable | None = None
+    """stands for all but the pictures; None where nothing short does"""
 
     def refuse_flaws(self, sources: Mapping[str, Facts]) -> None:
         """Raises `InvalidRequest` with all that parameters and pictures show only together; no pixel is looked at."""
@@ -109,10 +111,9 @@ class Order:
 class Said:
     """What a call of one operation says beside its pictures, checked."""
 
-    parameters: OperationParameters
-    asked: Asked
+    nodes: tuple[Node, ...]
+    outputs: Mapping[str, Output]
     request: Request
-    output: Output
     precision: Precision
     nonfinite: Nonfinite
     verify: bool
@@ -131,25 +132,21 @@ def read_order(name: str, first: Picture | None, arguments: Mapping[str, Any], b
     values = dict(arguments)
     given = {each.name: values.pop(each.name) for each in wanted.inputs if each.name in values}
     flaws: list[Flaw] = []
-    said = _read(wanted, values, backend, flaws)
-    images = _images(wanted, first, given, flaws)
-    if said is None or flaws:
-        raise InvalidRequest(f"This request for {name} is not valid.", flaws)
-    node = Node(name, wanted, said.parameters, {key: INPUT + key for key in images}, asked=said.asked)
-    return Order(
-        name,
-        (node,),
-        _policed(images, said.nonfinite),
-        {RESULT: dataclasses.replace(said.output, storage=said.output.storage or _storage(images))},
-        said.request,
-        said.precision,
-        said.verify,
-    )
+    unfit: list[Flaw] = []
+    images = _images(wanted, first, given, unfit)
+    said = _read(wanted, values, images, backend, flaws)
+    if said is None or flaws or unfit:
+        raise InvalidRequest(f"This request for {name} is not valid.", [*flaws, *unfit])
+    policed = _policed(images, said.nonfinite)
+    return Order(name, said.nodes, policed, said.outputs, said.request, said.precision, said.verify, key=said)
 
 
-def _read(wanted: Operation[Any], arguments: Mapping[str, Any], backend: str, flaws: list[Flaw]) -> Said | None:
-    """What is said beside pictures, kept from call to call; None where `flaws` has become longer."""
-    key = written((wanted.name, backend, arguments))
+def _read(
+    wanted: Operation[Any], arguments: Mapping[str, Any], images: Mapping[str, Image], backend: str, flaws: list[Flaw]
+) -> Said | None:
+    """What is said beside such pictures, kept from call to call; None where `flaws` has become longer."""
+    storage = _storage(images)
+    key = written((wanted.name, backend, tuple(images), storage and storage.value, arguments))
     kept = None if key is None else _said.get(key)
     if kept is not None:
         return kept
@@ -170,11 +167,11 @@ def _read(wanted: Operation[Any], arguments: Mapping[str, Any], backend: str, fl
     flaws += wrong
     if wrong:
         return None
+    inputs, asked = {name: INPUT + name for name in images}, Asked(wish.method, knobs, None)
     made = Said(
-        parameters,
-        Asked(wish.method, knobs, None),
+        (Node(wanted.name, wanted, parameters, inputs, asked=asked),),
+        {RESULT: dataclasses.replace(output, source=wanted.name, storage=output.storage or storage)},
         dataclasses.replace(request, target=wanted.name),
-        dataclasses.replace(output, source=wanted.name),
         precision,
         Nonfinite(wish.nonfinite),
         wish.verify,
@@ -220,7 +217,8 @@ def read_pipeline_order(
         raise InvalidRequest(f"The pipeline has {len(flaws)} flaw(s).", flaws)
     policed = _policed(images, Nonfinite(wish.nonfinite))
     request = dataclasses.replace(request, concatenate=pipeline.concatenate)
-    return Order("a pipeline", nodes, policed, outputs, request, precision, wish.verify, pointers=True)
+    key = told(nodes, outputs, request)
+    return Order("a pipeline", nodes, policed, outputs, request, precision, wish.verify, pointers=True, key=key)
 
 
 def _named_images(pipeline: Pipeline, given: Mapping[str, Picture], flaws: list[Flaw]) -> dict[str, Image]:

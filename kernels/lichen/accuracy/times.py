@@ -6,8 +6,8 @@ that times depend on (processor, their number, device, runtime, this library's k
 else is never looked at, so nothing goes stale; one that cannot be read counts as none. `LICHEN_TIMES` names another
 folder.
 
-`current` costs one look at the file's date, so a process sees what another one has measured. Where several processes,
-or one after the other, are to choose the same methods, what one of them `knows` is `held` by all of them instead.
+`current` looks at the file's date now and then, so a process sees what another one has measured. Where several
+processes, or one after the other, are to choose the same methods, what one of them `knows` is `held` by all of them.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import os
 import platform
 import tempfile
 import threading
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -40,13 +41,15 @@ Rates = Mapping[tuple[str, str], Rate]
 Known = Mapping[str, list[Any]]
 """Rates of backends as JSON carries them."""
 BACKENDS = ("opencl", "numpy")
+AGAIN = 0.1
+"""Seconds after which a file is looked at anew: a look takes as long as all else that a small run is planned by."""
 
 _log = logging.getLogger("lichen")
 _NONE: Rates = MappingProxyType({})
 _PACKAGE = Path(__file__).resolve().parents[1]
 _lock = threading.Lock()
-_kept: dict[Path, tuple[tuple[int, int], Rates]] = {}
-"""What was read, by file, with the date and the size of the file it was read from."""
+_kept: dict[Path, tuple[float, tuple[int, int], Rates]] = {}
+"""What was read, by file: when the file was last looked at, the date and the size that it had, and what it says."""
 _held: ContextVar[Mapping[str, Rates] | None] = ContextVar("held", default=None)
 """By backend, in place of what is measured here."""
 
@@ -57,7 +60,13 @@ def current(backend: str) -> Rates:
     held = _held.get()
     if held is not None:
         return held.get(backend, _NONE)
-    path = path_of(backend)
+    path, now = path_of(backend), time.monotonic()
+    kept = _kept.get(path)
+    return kept[2] if kept is not None and now - kept[0] < AGAIN else _looked(path, now)
+
+
+def _looked(path: Path, now: float) -> Rates:
+    """What the file says, which is read where it is another one than before."""
     try:
         found = path.stat()
     except OSError:
@@ -65,19 +74,21 @@ def current(backend: str) -> Rates:
     stamp = (found.st_mtime_ns, found.st_size)
     with _lock:
         kept = _kept.get(path)
-    if kept is None or kept[0] != stamp:
-        kept = (stamp, _read(path))
-        with _lock:
-            _kept[path] = kept
-    return kept[1]
+    rates = kept[2] if kept is not None and kept[1] == stamp else _read(path)
+    with _lock:
+        _kept[path] = (now, stamp, rates)
+    return rates
 
 
 def store(backend: str, rates: Rates, pace: Sequence[float] = ()) -> Path | None:
     """Keep `rates` beside those already known, which they replace; None where the folder cannot be written. `pace` is
     what the tasks take by whose speed they were measured (`lichen.calibration.pace`), seconds."""
     path = path_of(backend)
+    _kept.pop(path, None)  # somebody else may have stored there
     told = {"machine": machine(backend), "pace": list(pace), "rates": _listed({**current(backend), **rates})}
-    return path if write(path, json.dumps(told, indent=1)) else None
+    stored = write(path, json.dumps(told, indent=1))
+    _kept.pop(path, None)
+    return path if stored else None
 
 
 def known() -> dict[str, list[Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lichen.image import Extent, measure_extent
+from lichen.image import Extent, Image, measure_extent
 from lichen.memory import Array, aligned_empty
 from lichen.opencl.device import Device
 
@@ -28,3 +28,10 @@ def extent(device: Device, array: Array) -> Extent:
         session.launch("extent.cl", "extent", (blocks,), array, *size, session.write(parts), local=(1,))
     low, high, nonfinite = float(parts[:, 0].min()), float(parts[:, 1].max()), int(parts[:, 2].sum(dtype=np.float64))
     return Extent(low, high, nonfinite) if low <= high else Extent(0.0, 0.0, nonfinite)
+
+
+def measured(image: Image, device: Device | None) -> Image:
+    """`image` with its extent known, which a device finds sooner."""
+    if device is not None and "extent" not in vars(image):
+        vars(image)["extent"] = extent(device, image.pixels)
+    return image

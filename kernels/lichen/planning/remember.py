@@ -6,10 +6,12 @@ small kernel, and reading what is asked a part of that, so the last ones are kep
 
 Rules:
 
-* A plan is kept by everything that it follows from. Parameters count as they are written out, so that numbers that
-  are equal and not the same (0 and -0) are two; rates are those of one table, itself and not its equal.
-* What is asked is kept by what it says, number for number: 1, 1.0 and true are three. What cannot be written out
-  plainly is read anew.
+* A plan is kept by everything that it follows from: facts of pictures, and a key for the rest. Rates are those of one
+  table, itself and not its equal.
+* What a call says is kept number for number: 1, 1.0 and true are three. What was read of it is the key of its plans.
+  What cannot be written out plainly is read anew.
+* Pipelines are told apart node by node. Parameters count as they are written out, so that numbers that are equal and
+  not the same (0 and -0) are two.
 * What was refused is not kept: a second request is refused as the first was.
 """
 
@@ -18,11 +20,11 @@ from __future__ import annotations
 import marshal
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
-from lichen.planning.graph import Graph, Node, Request
-from lichen.planning.plan import Plan, make_plan
+from lichen.planning.graph import Node, Output, Request
+from lichen.planning.plan import Plan
 
 KEPT = 128
 """Values; the longest unused are dropped first."""
@@ -74,34 +76,26 @@ def written(said: Any) -> bytes | None:
 _plans: Kept[Plan] = Kept()
 
 
-def remembered(graph: Graph, request: Request, check: Callable[[], None]) -> Plan:
-    """The plan of `graph` for `request`: one that was made before, or a new one, once `check` has raised nothing."""
-    if len(graph.nodes) > MOST_NODES:
-        check()
-        return make_plan(graph, request)
-    key = _key(graph, request)
-    plan = _plans.get(key)
-    if plan is None or plan.request.rates is not request.rates:
-        check()
-        plan = make_plan(graph, request)
-        _plans.put(key, plan)
+def remembered(key: Hashable | None, rates: object, make: Callable[[], Plan]) -> Plan:
+    """The plan that was made by `rates` for all that `key` stands for, or what `make` gives, which is kept if there is
+    a key."""
+    plan = None if key is None else _plans.get(key)
+    if plan is None or plan.request.rates is not rates:
+        plan = make()
+        if key is not None:
+            _plans.put(key, plan)
     return plan
 
 
-def _key(graph: Graph, request: Request) -> object:
+def told(nodes: Sequence[Node], outputs: Mapping[str, Output], request: Request) -> Hashable | None:
+    """All that a plan has of what was asked; None where telling it apart takes too much."""
+    if len(nodes) > MOST_NODES:
+        return None
     wished = (
         request.backend, request.max_error, request.max_ms, request.target, request.prune, request.concatenate,
         request.max_bytes,
     )  # fmt: skip
-    return (
-        tuple(graph.sources.items()),
-        tuple([_told(node) for node in graph.nodes]),
-        tuple(graph.outputs.items()),
-        graph.decisions,
-        graph.precision,
-        tuple(graph.thin.items()),
-        wished,
-    )
+    return (tuple([_told(node) for node in nodes]), tuple(outputs.items()), wished)
 
 
 def _told(node: Node) -> tuple[Any, ...]:

@@ -77,6 +77,16 @@ def test_what_is_stored_is_read_and_added_to() -> None:
     assert (times.current("numpy")["gaussian", "fir"], times.pace("numpy")) == (apart, (1e-3, 2e-3))
 
 
+def test_what_another_process_stores_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = times.store("numpy", {("gaussian", "fir"): Rate(1e-4, 2e-11)})
+    assert path is not None
+    assert len(times.current("numpy")) == 1
+    path.write_text(json.dumps({"rates": [["gaussian", "fir", 3e-4, 2e-11], ["lic", "rk2", 0.0, 1e-9]]}))
+    monkeypatch.setattr(times, "AGAIN", 0.0)
+    assert times.current("numpy")["gaussian", "fir"].start == 3e-4
+    assert len(times.current("numpy")) == 2
+
+
 @pytest.mark.parametrize(
     "text",
     ["", "[]", "{", '{"rates": 3}', '{"rates": [["a", "b", 1]]}', '{"rates": [["a", "b", NaN, 1], ["a", "c", 1, -1]]}'],

@@ -8,7 +8,7 @@ import pytest
 import lichen
 from lichen.accuracy import times
 from lichen.errors import InvalidRequest
-from lichen.image import Image
+from lichen.image import Image, Storage
 from lichen.memory import aligned_empty
 from lichen.operation import Operation
 from lichen.planning import remember
@@ -92,6 +92,14 @@ def test_a_pipeline_s_nodes_are_found_once() -> None:
 
 def test_other_facts_have_another_plan() -> None:
     assert plan(picture(), gamma=1.5) is not plan(picture(2.0), gamma=1.5)
+
+
+def test_other_storage_has_another_plan() -> None:
+    stored = [picture().replace(storage=storage) for storage in (Storage.FLOAT32, Storage.UINT8)]
+    single, coded = (plan(each, gamma=1.6) for each in stored)
+    assert single is not coded
+    assert [each.graph.outputs["result"].storage for each in (single, coded)] == [Storage.FLOAT32, Storage.UINT8]
+    assert plan(stored[0], gamma=1.6) is single
 
 
 def test_rates_measured_since_make_a_new_plan(monkeypatch: pytest.MonkeyPatch) -> None:
