@@ -65,6 +65,17 @@ REASONS: dict[str, str] = {
 }
 
 BOUNDS: dict[str, str] = {
+    "reflection": (
+        "Arithmetic in doubles, so that no rounding decides which chart of the environment a direction falls in: two "
+        "directions for each pixel, a square root and a division each, and two places with four texels around them."
+    ),
+    "lighting": (
+        "Arithmetic: a pixel's normal and direction are made unit, with square roots and divisions, and its highlight "
+        "is a power."
+    ),
+    "compare": (
+        "Every sample is read twice: once for the map, once for what is found beside it, which is summed in doubles."
+    ),
     "gamut": (
         "Two powers for each of three channels wherever one pixel of sixteen is beyond the threshold; and the "
         "findings, which are counted in doubles by NumPy, take as long again as the kernel or longer."

@@ -43,16 +43,24 @@ def sections(tell: Callable[[str], None]) -> list[Section]:
     rows.sort(key=share)
     columns = ["operation", "with", "by", "ms", "kernels, ms", "of a copy", "kernels, of a copy"]
     text = f"{side} x {side} pixels; copies move {able.bandwidth / 1e9:.1f} GB/s at best. The slowest first."
-    below = [[each[0], BOUNDS[each[0]]] for each in rows if share(each) < FAR and each[0] in BOUNDS]
+    below = [[each[0], reason] for each in rows if share(each) < FAR and (reason := held_up(each))]
     return [
         table(f"Pointwise operations on {len(available())} threads", columns, rows, text),
         table(f"What bounds those below {FAR:.0%} of a copy", ["operation", "what bounds it"], below),
     ]
 
 
-def share(row: list[str]) -> float:
-    """Of a copy, as the row says it."""
-    return float(row[5].rstrip("%")) / 100
+def share(row: list[str], column: int = 5) -> float:
+    """Of a copy, as the row says it; 0 where it says nothing."""
+    return float(row[column].rstrip("%") or 0) / 100
+
+
+def held_up(row: list[str]) -> str | None:
+    """Why an operation is slower than a copy, where that is known."""
+    if share(row, 6) >= FAR:
+        beside = float(row[3]) - float(row[4])
+        return f"Its kernels are not: planning, checking, launching and waiting take {beside:.1f} ms beside them."
+    return BOUNDS.get(row[0])
 
 
 def row(operation: Operation[Any], side: int, able: Limits, turns: Turns) -> list[str] | None:
