@@ -13,5 +13,5 @@ kernel void normals(global const float *restrict a, global const float *restrict
         vector(plane_load(a + first, 1, 0, count), plane_load(b + first, 1, 0, count), (float16)(1.0f)));
     float by = halved ? 0.5f : 1.0f, rise = halved ? 0.5f : 0.0f;
     float16 made[3] = {n.x * by + rise, n.y * by + rise, n.z * by + rise};
-    planes_store(made, out + first * 3, 3, count);
+    planes_stream(made, out + first * 3, 3, count, pixels);
 }

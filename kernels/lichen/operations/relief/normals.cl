@@ -51,5 +51,5 @@ kernel void normals(global const float *restrict image, global const float *rest
     if (halved_after)
         for (int c = 0; c < 3; c++)
             made[c] = fma(made[c], (float16)(0.5f), (float16)(0.5f));
-    planes_store(made, out + first * 3, 3, count);
+    planes_stream(made, out + first * 3, 3, count, pixels);
 }

@@ -86,6 +86,24 @@ def test_view_of_a_camera_and_of_positions_agree(backend: str) -> None:
     assert np.abs(camera - local).max() < 1e-4
 
 
+@pytest.mark.parametrize("chart", ["latlong", "cube", "paraboloid", "mirror_ball"])
+@pytest.mark.parametrize("view", ["orthographic", "camera", "positions"])
+def test_the_nearest_texel_is_that_of_normals_of_any_length(chart: str, view: str) -> None:
+    height, width = 61, 67
+    normal = RNG.standard_normal((height, width, 3)) * 10.0 ** RNG.integers(-30, 30, (height, width, 1))
+    normal[:2] = 0
+    across, down = (64 * each // 128 for each in SIZES[chart])
+    texels = np.arange(across * down, dtype=np.float32).reshape(down, across, 1)
+    place = RNG.standard_normal((height, width, 3)).astype(np.float32)
+    seen = {"camera": {"fov": 70.0}, "positions": {"position": place, "eye": [3.0, -2.0, 5.0]}}.get(view, {})
+    given = {"environment": texels, "chart": chart, "method": "nearest", "background": "environment", **seen}
+    found, expected = (
+        lichen.run("reflection", normal.astype(np.float32), device=each, **given).image.pixels for each in BACKENDS
+    )
+    # Both round where a direction lies, and either side of a texel's edge is as near.
+    assert (found == expected).mean() > 0.999
+
+
 @BOTH
 def test_refraction_obeys_snell(backend: str) -> None:
     tilt = np.radians(np.array([0, 10, 30, 45, 60, 80, 89.0]))

@@ -26,6 +26,15 @@ def test_interpolates_the_palette(backend: str) -> None:
     assert np.array_equal(bands, palette[0][np.minimum((t * 6).astype(int), 5)])
 
 
+@pytest.mark.parametrize("channels", range(1, 6))
+def test_every_pixel_of_long_rows_has_its_own_colour(channels: int) -> None:
+    values = RNG.random((3, 150, 1)).astype(np.float32)
+    palette = RNG.random((1, 7, channels)).astype(np.float32)
+    found = lichen.run("colour_map", values, palette=palette, low=0, high=1, device="opencl").image.pixels
+    expected = np.stack([np.interp(values[..., 0] * 6.0, np.arange(7), each) for each in palette[0].T], axis=-1)
+    assert np.abs(found - expected).max() < 1e-6
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_beyond_its_ends_a_palette_repeats_or_turns_back(backend: str) -> None:
     x = np.linspace(-2, 3, 41, dtype=np.float32).reshape(1, -1, 1)
