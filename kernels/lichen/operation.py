@@ -153,6 +153,8 @@ class Knob:
     low: float
     high: float
     order: float | None = None
+    rising: bool = True
+    """whether no value takes less work than one before it"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,13 +210,24 @@ class Method(Generic[P]):
     body: str = ""
     """a name for what runs: methods of an operation that have the same take the same time for a step of their work, and
     are timed together, so that how they compare is not left to chance. Without one it runs what no other does."""
-    least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0
+    least: Callable[[P, float, InputFacts], float] | None = None
     """what its error is at least, and its usual one, rounding aside: known at once where `error` takes long to prove,
-    so that methods that cannot be accurate enough need not be asked"""
+    so that methods that cannot be accurate enough need not be asked; None where `error` does not take long"""
     head: Callable[[P, float, InputFacts], Head | None] = no_head
     """what it is at the head of a fused chain on OpenCL, where its kernel goes on with one"""
     coded: bool = False
     """whether its kernel looks up what stored samples mean itself (`StoredImage`), where there are tables of it"""
+    lightest: Callable[[P, float, InputFacts], float] | None = None
+    """what its work is at least, at this setting and at all that follow it: known at once where `work` or `error` take
+    long, so that methods that cannot be quick enough need not be asked"""
+    orderly: bool = False
+    """whether its error is known at once, and no value of its knob makes it larger, rounding aside, than one before:
+    the first that is accurate enough is then found in a few steps"""
+
+    @property
+    def settings(self) -> tuple[float | None, ...]:
+        """Of its knob, where it has one."""
+        return self.knob.values if self.knob else (None,)
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
         return self.rates[backend].seconds(self.work(parameters, knob, facts))
@@ -328,15 +341,17 @@ class Operation(Generic[P]):
         stage: Callable[[P, InputFacts], Stage | None] = no_stage,
         scratch: float | None = None,
         body: str = "",
-        least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0,
+        least: Callable[[P, float, InputFacts], float] | None = None,
         head: Callable[[P, float, InputFacts], Head | None] = no_head,
         coded: bool = False,
+        lightest: Callable[[P, float, InputFacts], float] | None = None,
+        orderly: bool = False,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
-            further = knob, unfit, stage, scratch, body, least, head, coded
+            further = knob, unfit, stage, scratch, body, least, head, coded, lightest, orderly
             self.methods[name] = Method(name, description, implementation, error, work, rates, *further)
             return implementation
 

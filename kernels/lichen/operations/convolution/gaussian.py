@@ -190,9 +190,16 @@ def _fir_head(p: Parameters, tail: float, facts: InputFacts) -> Head | None:
     coded=True,
     scratch=2.1,
     knob=Knob(
-        "tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, MOST_TAIL, order=1
+        "tail",
+        (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7),
+        "weight of the kernel that is cut off",
+        1e-9,
+        MOST_TAIL,
+        order=1,
+        rising=False,
     ),
     error=base.fir_error,
+    orderly=True,
     work=base.fir_work,
     rates={"opencl": Rate(5e-4, 2.2e-11), "numpy": Rate(2e-4, 7e-11)},
 )
@@ -261,7 +268,9 @@ def _multirate_head(p: Parameters, tail: float, facts: InputFacts) -> Head | Non
     scratch=1.2,
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight that is cut off or misplaced", 1e-9, MOST_TAIL),
     error=base.multirate_error,
+    orderly=True,
     work=base.multirate_work,
+    lightest=base.multirate_lightest,
     rates={"opencl": Rate(1e-3, 2.1e-11), "numpy": Rate(5e-4, 2e-10)},
     unfit=base.multirate_unfit,
     coded=True,
@@ -283,7 +292,9 @@ class Multirate:
     scratch=6.1,
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the modes that are dropped", 1e-9, MOST_TAIL),
     error=base.dct_error,
+    orderly=True,
     work=base.dct_work,
+    lightest=base.dct_work,
     rates={"opencl": Rate(1e-3, 2.9e-11), "numpy": Rate(1e-4, 1.8e-11)},
     unfit=base.dct_unfit,
 )
@@ -380,7 +391,7 @@ class VlietYoung:
 @gaussian.method(
     "box3",
     scratch=3.2,
-    knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1),
+    knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1, rising=False),
     error=base.boxes_error,
     least=base.least_error("box3"),
     work=base.boxes_work,

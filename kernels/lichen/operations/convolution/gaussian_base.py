@@ -15,9 +15,9 @@ from lichen.operation import ROUNDING, Border, Degrees, Error, InputFacts, Opera
 from lichen.operations.convolution import gaussian_turned, lowrank
 from lichen.operations.convolution.boxes import Boxes, boxes, boxes_distance
 from lichen.operations.convolution.gaussian_turned import Turned
-from lichen.operations.convolution.gaussian_weights import dct_modes, fir_radius, modes_about
+from lichen.operations.convolution.gaussian_weights import NORMAL, dct_modes, fir_radius, modes_about
 from lichen.operations.convolution.missing import Missing, check_mask, leaves_out, renormalised_error
-from lichen.operations.convolution.multirate import WIDEST, Rates, in_bands, rates
+from lichen.operations.convolution.multirate import WIDEST, Rates, in_bands, rates, step_of
 from lichen.operations.convolution.passes import rows_laid_out
 from lichen.operations.convolution.recursive import BLOCK
 from lichen.operations.convolution.recursive_filters import (
@@ -64,14 +64,19 @@ class Parameters(OperationParameters):
 
     @property
     def _given(self) -> tuple[float, float]:
-        along, across = (self.sigma if each is None else each for each in (self.sigma_x, self.sigma_y))
-        return along, across
+        along, across = self.sigma_x, self.sigma_y
+        return self.sigma if along is None else along, self.sigma if across is None else across
 
     @property
     def deviations(self) -> tuple[float, float]:
         """Standard deviations along y and along x, of a kernel whose axes are those of the image."""
-        along, across = self._given
-        return (along, across) if self.angle % 180 == 90 else (across, along)
+        return _deviations(self)
+
+
+@latest
+def _deviations(p: Parameters) -> tuple[float, float]:
+    along, across = p._given
+    return (along, across) if p.angle % 180 == 90 else (across, along)
 
 
 def check(p: Parameters, facts: InputFacts) -> list[Flaw]:
@@ -162,7 +167,9 @@ def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     tall, wide = _taps(request, tail)
     if request.renormalised:
         return 2 * image.samples * (MOVED + tall + wide)
-    folded = sum(size * size for sigma, size in request.sides if 2 * fir_radius(sigma, tail)[0] >= size)
+    folded = 0
+    if tall == image.height or wide == image.width:
+        folded = sum(size * size for sigma, size in request.sides if 2 * fir_radius(sigma, tail)[0] >= size)
     return _passed(image.height, image.width, image.channels, tall, wide, request.working) + FOLDED * folded
 
 
@@ -255,6 +262,15 @@ def multirate_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     kept = bands * (steps + down.taps - 1) / image.height
     along = 1.6 * (2 * radius + 1) + STAGED
     return image.samples * (28.0 + kept * (down.rows + along) + 0.9 * down.taps)
+
+
+def multirate_lightest(p: Parameters, tail: float, facts: InputFacts) -> float:
+    """With the fewest taps that leave so much of Gaussians outside, the first and last half of one left out."""
+    down, across = _within(p, 1.0, WIDEST)
+    step, part = step_of(down, tail), down / math.sqrt(2)
+    above, beside = (max(-NORMAL.inv_cdf(beyond) * s - 1, 0.0) for s, beyond in ((part, tail / 8), (across, tail / 2)))
+    kept = (2 * above + 1 + 1.6 * (2 * beside + 1) + STAGED) / step
+    return facts["image"].samples * (28.0 + kept + 0.9 * max(2 * above / step - 1, 1))
 
 
 def multirate_unfit(p: Parameters, facts: InputFacts) -> str | None:
