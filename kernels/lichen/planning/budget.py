@@ -137,15 +137,24 @@ def _cheapest(problem: Problem, choices: Choices, measure: Measure, targets: Map
 
 def _searched(problem: Problem, choices: Choices, measure: Measure) -> Choices:
     limits = _limits(problem)
+    # Judged by the strictest measure, what comes out errs by no less where one method errs by more; unless values are
+    # rounded between steps, or read as data.
+    judged = measure is problem.measures[0][1] and problem.graph.precision.lossless
+    judged = judged and not any(node.about(problem.facts).data for node in problem.graph.nodes)
     for names in sorted(_alike(problem), key=lambda names: -choices[names[0]].seconds):
         limit = min(limits.get(name, math.inf) for name in names)
+        too_much = math.inf
         for offer in problem.usable[names[0]].in_turn():
+            if offer.stated.least >= too_much or measure(offer.error) >= too_much:
+                continue
             if share(measure(offer.error), limit) > 1:
                 continue  # what arrives beside only adds
             trial = {**choices, **dict.fromkeys(names, offer)}
             if problem.excess(trial, measure) <= 1:
                 choices = trial
                 break
+            if judged:
+                too_much = min(too_much, measure(offer.error))
     return choices
 
 

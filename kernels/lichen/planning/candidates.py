@@ -120,14 +120,17 @@ class Offers:
         return Offers(single, tuple([way for way in self.ways if way.unfit is None]))
 
     def best(self, measure: Measure) -> Candidate:
-        """The most accurate that can be taken, of equally accurate ones the quickest."""
+        """The most accurate that can be taken, of equally accurate ones the quickest. Those that are known to be less
+        accurate are not asked."""
         found = self._best.get(measure)
         if found is None:
-            offers = [way.at(setting) for way in self.ways if way.unfit is None for setting in way.settings]
-            offers += [offer for offer in self.single if offer.unfit is None]
-            errors = [(measure(each.stated.error), each.stated.error.usual) for each in offers]
-            least = min(errors)
-            alike = [offer for offer, error in zip(offers, errors, strict=True) if error == least]
+            least, alike = (math.inf, math.inf), list[Candidate]()
+            for offer in sorted((offer for offer in self if offer.unfit is None), key=_least):
+                if offer.stated.least > least[0]:
+                    break
+                error = offer.stated.error
+                if (told := (measure(error), error.usual)) <= least:
+                    least, alike = told, [*alike, offer] if told == least else [offer]
             found = self._best[measure] = alike[0] if len(alike) == 1 else min(alike, key=_seconds)
         return found
 
@@ -204,6 +207,10 @@ class Offers:
     @once
     def _best(self) -> dict[Measure, Candidate]:
         return {}
+
+
+def _least(offer: Candidate) -> float:
+    return offer.stated.least
 
 
 def _seconds(offer: Candidate) -> float:
