@@ -271,7 +271,7 @@ def _multirate_head(p: Parameters, tail: float, facts: InputFacts) -> Head | Non
     orderly=True,
     work=base.multirate_work,
     lightest=base.multirate_lightest,
-    rates={"opencl": Rate(1e-3, 2.1e-11), "numpy": Rate(5e-4, 2e-10)},
+    rates={"opencl": Rate(1.1e-3, 1.65e-11), "numpy": Rate(5e-4, 2e-10)},
     unfit=base.multirate_unfit,
     coded=True,
 )
