@@ -2,7 +2,8 @@
 
 Most are never looked at. The quickest are asked for their errors first, and of a method that is slower at every further
 setting of its knob nothing is asked before the setting may be the quickest that is left: neither its error nor its
-work, which may take long to find.
+work, which may take long to find. Where errors are known at once and fall from setting to setting, the first that is
+small enough is looked for by halves, and nothing is asked of those before it.
 """
 
 from __future__ import annotations

@@ -266,7 +266,7 @@ def multirate_work(p: Parameters, tail: float, facts: InputFacts) -> float:
 
 
 def multirate_lightest(p: Parameters, tail: float, facts: InputFacts) -> float:
-    """With the fewest taps that leave so much of Gaussians outside, the first and last half of one left out."""
+    """With a tap less at either end than Gaussians that are not sampled would need."""
     down, across = _within(p, 1.0, WIDEST)
     step, part = step_of(down, tail), down / math.sqrt(2)
     above, beside = (max(-NORMAL.inv_cdf(beyond) * s - 1, 0.0) for s, beyond in ((part, tail / 8), (across, tail / 2)))
