@@ -39,6 +39,8 @@ from lichen.part import WHOLE as WHOLE
 from lichen.part import Footprint as Footprint
 from lichen.part import Part, Rectangle
 from lichen.part import halo as halo
+from lichen.rate import Knob as Knob
+from lichen.rate import Rate as Rate
 from lichen.stage import Head, Stage, no_head, no_stage
 from lichen.study import Study
 
@@ -141,38 +143,6 @@ class Error:
 EXACT = Error(0.0, "bound")
 ROUNDING = float(np.finfo(np.float32).eps) / 2
 """Unit roundoff of float32: the largest relative error of one correctly rounded operation."""
-
-
-@dataclass(frozen=True, slots=True)
-class Knob:
-    """A number that trades accuracy for time, swept over `values`, cheapest first; errors go with its power `order`."""
-
-    name: str
-    values: tuple[float, ...]
-    description: str
-    low: float
-    high: float
-    order: float | None = None
-    rising: bool = True
-    """whether no value takes less work than one before it"""
-
-
-@dataclass(frozen=True, slots=True)
-class Rate:
-    """Predicted seconds of a method on one backend: `start` + `step` x work."""
-
-    start: float
-    step: float
-    kinds: Mapping[str, Rate] = field(default_factory=dict)
-    """those of requests of one kind, where they are known apart (`lichen.kind`)"""
-
-    def of(self, kind: str) -> Rate:
-        """That of requests of one kind."""
-        return self.kinds.get(kind, self) if self.kinds else self
-
-    def seconds(self, work: float, kind: str = "") -> float:
-        known = self.of(kind)
-        return known.start + known.step * work
 
 
 class Implementation(Protocol[P_contra]):

@@ -155,8 +155,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
             return _by_matrices(pixels, _weights(p), border, value)
 
         return missing.renormalised(inputs, p.missing, p.border, p.value, mean)
-    halves = (half_kernel(sigma) for sigma in p.deviations)
-    down, across = (np.concatenate([half[:0:-1], half]) for half in halves)
+    down, across = (np.concatenate([half[:0:-1], half]) for half in map(half_kernel, p.deviations))
     return _by_matrices(pixels, (down, across), p.border, p.value)
 
 
@@ -189,15 +188,7 @@ def _fir_head(p: Parameters, tail: float, facts: InputFacts) -> Head | None:
     head=_fir_head,
     coded=True,
     scratch=2.1,
-    knob=Knob(
-        "tail",
-        (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7),
-        "weight of the kernel that is cut off",
-        1e-9,
-        MOST_TAIL,
-        order=1,
-        rising=False,
-    ),
+    knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight cut off", 1e-9, MOST_TAIL, order=1, rising=False),
     error=base.fir_error,
     orderly=True,
     work=base.fir_work,
@@ -356,8 +347,7 @@ class Deriche:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, order: float) -> Array:
-        down, across = base.deriche_filters(p, order)
-        return recursive_opencl(device, inputs["image"].pixels, down, across, p.border, p.value)
+        return recursive_opencl(device, inputs["image"].pixels, *base.deriche_filters(p, order), p.border, p.value)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, order: float) -> Array:
@@ -380,8 +370,7 @@ class VlietYoung:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, order: float) -> Array:
-        down, across = base.vliet_young_filters(p, order)
-        return recursive_opencl(device, inputs["image"].pixels, down, across, p.border, p.value)
+        return recursive_opencl(device, inputs["image"].pixels, *base.vliet_young_filters(p, order), p.border, p.value)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, order: float) -> Array:

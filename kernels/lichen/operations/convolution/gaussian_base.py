@@ -70,13 +70,8 @@ class Parameters(OperationParameters):
     @property
     def deviations(self) -> tuple[float, float]:
         """Standard deviations along y and along x, of a kernel whose axes are those of the image."""
-        return _deviations(self)
-
-
-@latest
-def _deviations(p: Parameters) -> tuple[float, float]:
-    along, across = p._given
-    return (along, across) if p.angle % 180 == 90 else (across, along)
+        along, across = self._given
+        return (along, across) if self.angle % 180 == 90 else (across, along)
 
 
 def check(p: Parameters, facts: InputFacts) -> list[Flaw]:
@@ -167,9 +162,7 @@ def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     tall, wide = _taps(request, tail)
     if request.renormalised:
         return 2 * image.samples * (MOVED + tall + wide)
-    folded = 0
-    if tall == image.height or wide == image.width:
-        folded = sum(size * size for sigma, size in request.sides if 2 * fir_radius(sigma, tail)[0] >= size)
+    folded = sum(size * size for sigma, size in request.sides if 2 * fir_radius(sigma, tail)[0] >= size)
     return _passed(image.height, image.width, image.channels, tall, wide, request.working) + FOLDED * folded
 
 
