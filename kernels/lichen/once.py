@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from operator import is_
 from typing import Any, Generic, ParamSpec, TypeVar, overload
 
 T = TypeVar("T")
 P = ParamSpec("P")
+NOTHING = object()
 
 
 class once(Generic[T]):
@@ -43,8 +43,8 @@ class once(Generic[T]):
 
 
 def latest(find: Callable[P, T]) -> Callable[P, T]:
-    """Decorator of a function that follows from its arguments alone: what it said last, if it is asked of the very same
-    objects again. All methods of a request ask the same of its parameters and facts, one after the other.
+    """Decorator of a function that follows from its one to three arguments alone: what it said last, if it is asked of
+    the very same objects again. All methods of a request ask the same of its parameters and facts, one after the other.
 
     >>> @latest
     ... def total(numbers: list[float]) -> float:
@@ -55,17 +55,15 @@ def latest(find: Callable[P, T]) -> Callable[P, T]:
     adding
     6.0
     """
-    kept: list[tuple[tuple[Any, ...], T]] = []
+    kept: list[Any] = [NOTHING, NOTHING, NOTHING, None]
 
     @wraps(find)
-    def found(*given: P.args, **named: P.kwargs) -> T:
-        if named:
-            return find(*given, **named)
-        last = kept[0] if kept else None
-        if last is not None and len(last[0]) == len(given) and all(map(is_, last[0], given)):
-            return last[1]
-        said = find(*given)  # type: ignore[call-arg]
-        kept[:] = [(given, said)]
-        return said
+    def found(a: Any, b: Any = NOTHING, c: Any = NOTHING, /, **named: Any) -> T:
+        first, second, third, said = kept
+        if named or first is not a or second is not b or third is not c:
+            said = find(*[each for each in (a, b, c) if each is not NOTHING], **named)
+            if not named:
+                kept[:] = a, b, c, said
+        return said  # type: ignore[no-any-return]
 
-    return found
+    return found  # type: ignore[return-value]

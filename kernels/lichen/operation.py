@@ -39,6 +39,8 @@ from lichen.part import WHOLE as WHOLE
 from lichen.part import Footprint as Footprint
 from lichen.part import Part, Rectangle
 from lichen.part import halo as halo
+from lichen.rate import Knob as Knob
+from lichen.rate import Rate as Rate
 from lichen.stage import Head, Stage, no_head, no_stage
 from lichen.study import Study
 
@@ -143,36 +145,6 @@ ROUNDING = float(np.finfo(np.float32).eps) / 2
 """Unit roundoff of float32: the largest relative error of one correctly rounded operation."""
 
 
-@dataclass(frozen=True, slots=True)
-class Knob:
-    """A number that trades accuracy for time, swept over `values`, cheapest first; errors go with its power `order`."""
-
-    name: str
-    values: tuple[float, ...]
-    description: str
-    low: float
-    high: float
-    order: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Rate:
-    """Predicted seconds of a method on one backend: `start` + `step` x work."""
-
-    start: float
-    step: float
-    kinds: Mapping[str, Rate] = field(default_factory=dict)
-    """those of requests of one kind, where they are known apart (`lichen.kind`)"""
-
-    def of(self, kind: str) -> Rate:
-        """That of requests of one kind."""
-        return self.kinds.get(kind, self) if self.kinds else self
-
-    def seconds(self, work: float, kind: str = "") -> float:
-        known = self.of(kind)
-        return known.start + known.step * work
-
-
 class Implementation(Protocol[P_contra]):
     """The bodies of a method: a class without state whose two functions return an array of the output's shape."""
 
@@ -208,13 +180,24 @@ class Method(Generic[P]):
     body: str = ""
     """a name for what runs: methods of an operation that have the same take the same time for a step of their work, and
     are timed together, so that how they compare is not left to chance. Without one it runs what no other does."""
-    least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0
+    least: Callable[[P, float, InputFacts], float] | None = None
     """what its error is at least, and its usual one, rounding aside: known at once where `error` takes long to prove,
-    so that methods that cannot be accurate enough need not be asked"""
+    so that methods that cannot be accurate enough need not be asked; None where `error` does not take long"""
     head: Callable[[P, float, InputFacts], Head | None] = no_head
     """what it is at the head of a fused chain on OpenCL, where its kernel goes on with one"""
     coded: bool = False
     """whether its kernel looks up what stored samples mean itself (`StoredImage`), where there are tables of it"""
+    lightest: Callable[[P, float, InputFacts], float] | None = None
+    """what its work is at least, at this setting and at all that follow it: known at once where `work` or `error` take
+    long, so that methods that cannot be quick enough need not be asked"""
+    orderly: bool = False
+    """whether its error is known at once, and no value of its knob makes it larger, rounding aside, than one before:
+    the first that is accurate enough is then found in a few steps"""
+
+    @property
+    def settings(self) -> tuple[float | None, ...]:
+        """Of its knob, where it has one."""
+        return self.knob.values if self.knob else (None,)
 
     def seconds(self, backend: str, parameters: P, knob: float, facts: InputFacts) -> float:
         return self.rates[backend].seconds(self.work(parameters, knob, facts))
@@ -328,15 +311,17 @@ class Operation(Generic[P]):
         stage: Callable[[P, InputFacts], Stage | None] = no_stage,
         scratch: float | None = None,
         body: str = "",
-        least: Callable[[P, float, InputFacts], float] = lambda parameters, knob, facts: 0.0,
+        least: Callable[[P, float, InputFacts], float] | None = None,
         head: Callable[[P, float, InputFacts], Head | None] = no_head,
         coded: bool = False,
+        lightest: Callable[[P, float, InputFacts], float] | None = None,
+        orderly: bool = False,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
-            further = knob, unfit, stage, scratch, body, least, head, coded
+            further = knob, unfit, stage, scratch, body, least, head, coded, lightest, orderly
             self.methods[name] = Method(name, description, implementation, error, work, rates, *further)
             return implementation
 

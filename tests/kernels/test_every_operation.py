@@ -322,8 +322,34 @@ def test_no_error_is_less_than_what_it_is_said_to_be_at_least(operation: Operati
             if operation.check(parameters, facts):
                 continue
             for method in operation.methods.values():
+                if method.least is None or method.unfit(parameters, facts) is not None:
+                    continue
                 for knob in method.knob.values if method.knob else (0.0,):
-                    least = method.least(parameters, knob, facts)
-                    if least > 0 and method.unfit(parameters, facts) is None:
+                    if (least := method.least(parameters, knob, facts)) > 0:
                         stated = method.error(parameters, knob, facts)
                         assert least <= 1.000001 * (min(stated.value, stated.usual) - stated.rounding), (method, knob)
+
+
+@pytest.mark.parametrize("operation", OPERATIONS.values(), ids=OPERATIONS)
+def test_settings_take_more_work_and_err_less_one_after_the_other(operation: Operation[Any]) -> None:
+    """Where they are said to: else a quicker setting were not looked at, or one that is accurate enough."""
+    for example in operation.examples:
+        known = typical(operation, operation.validate(example), 32).facts
+        for height, width in ((9, 64), (40, 40), (300, 64), (300, 200), (1400, 2000)):
+            facts = {name: dataclasses.replace(each, height=height, width=width) for name, each in known.items()}
+            parameters = operation.sized(operation.validate(example), height, width)
+            if operation.check(parameters, facts):
+                continue
+            for method in operation.methods.values():
+                if method.knob is None or method.unfit(parameters, facts) is not None:
+                    continue
+                work = [method.work(parameters, setting, facts) for setting in method.knob.values]
+                if method.knob.rising:
+                    assert work == sorted(work), (method.name, example)
+                if method.lightest is not None:
+                    for at, setting in enumerate(method.knob.values):
+                        assert method.lightest(parameters, setting, facts) <= min(work[at:]), (method.name, example)
+                if method.orderly:
+                    stated = [method.error(parameters, setting, facts) for setting in method.knob.values]
+                    apart = [min(each.value, each.usual) - each.rounding for each in stated]
+                    assert apart == sorted(apart, reverse=True), (method.name, example)

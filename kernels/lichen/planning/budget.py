@@ -13,18 +13,16 @@ still meets the target.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import product
 
 from lichen.errors import Flaw, Unattainable
+from lichen.once import once
 from lichen.operation import Error, Facts
-from lichen.planning.candidates import Candidate, Offers
+from lichen.planning.candidates import Candidate, Measure, Offers
 from lichen.planning.error import Choices, errors, total_error, total_seconds
 from lichen.planning.graph import Graph, Node, Request
-
-Measure = Callable[[Error], float]
 
 TRIALS = 100
 """Choices that are tried exactly at most, which is all of them for a chain of a few nodes."""
@@ -42,9 +40,14 @@ class Problem:
     graph: Graph
     facts: Mapping[str, Facts]
     request: Request
-    usable: Mapping[str, Offers]
+    offers: Mapping[str, Offers]
     targets: Mapping[str, float]
     measures: Sequence[tuple[str, Measure]]
+
+    @once
+    def usable(self) -> Mapping[str, Offers]:
+        """Those that can be taken."""
+        return {name: each.usable for name, each in self.offers.items()}
 
     def excess(self, choices: Choices, measure: Measure) -> float:
         """The largest share of what is allowed that an output uses up; beyond 1 the choice is not good enough."""
@@ -73,11 +76,12 @@ def share(error: float, target: float) -> float:
 
 def within_error(problem: Problem) -> Choices:
     """The cheapest choices that keep every target. Raises `Unattainable` where an error was asked that none keeps."""
-    request, usable = problem.request, problem.usable
+    request = problem.request
     for _, measure in problem.measures:
-        found = _alone(problem, measure) if len(usable) == 1 else _together(problem, measure)
+        found = _alone(problem, measure) if len(problem.offers) == 1 else _together(problem, measure)
         if found is not None:
             return found
+    usable = problem.usable
     if request.max_error is not None:
         best = problem.error(_most_accurate(usable, measure))
         raise Unattainable(
@@ -86,13 +90,12 @@ def within_error(problem: Problem) -> Choices:
             limit=best.value,
             actual=request.max_error,
         )
-    key = _by_error(measure)
-    return {name: _customary(problem.graph.named(name), offers) or offers.least(key) for name, offers in usable.items()}
+    return {name: _customary(problem.graph.named(name), each) or each.best(measure) for name, each in usable.items()}
 
 
 def _alone(problem: Problem, measure: Measure) -> Choices | None:
     """The quickest candidate of the one node there is that keeps the targets; no slower one states its error."""
-    ((name, offers),) = problem.usable.items()
+    ((name, offers),) = problem.offers.items()
     graph = problem.graph
     if not graph.precision.lossless or graph.nodes[0].inherited:
         return next((trial for each in offers.in_turn() if problem.excess(trial := {name: each}, measure) <= 1), None)
@@ -101,7 +104,8 @@ def _alone(problem: Problem, measure: Measure) -> Choices | None:
     if any(targets[out] < 0 for out, each in graph.outputs.items() if each.source != name):
         return None
     least = min((targets[out] for out, each in graph.outputs.items() if each.source == name), default=math.inf)
-    return next(({name: offer} for offer in offers.able(least).in_turn() if measure(offer.error) <= least), None)
+    found = offers.first(measure, least)
+    return None if found is None else {name: found}
 
 
 def _together(problem: Problem, measure: Measure) -> Choices | None:
@@ -111,23 +115,17 @@ def _together(problem: Problem, measure: Measure) -> Choices | None:
 
 
 def _most_accurate(usable: Mapping[str, Offers], measure: Measure) -> dict[str, Candidate]:
-    key = _by_error(measure)
-    return {name: offers.least(key) for name, offers in usable.items()}
+    return {name: offers.best(measure) for name, offers in usable.items()}
 
 
-@cache
-def _by_error(measure: Measure) -> Callable[[Candidate], tuple[float, float, float]]:
-    return lambda offer: (measure(offer.error), offer.error.usual, offer.seconds)
-
-
-def _customary(node: Node, offers: Sequence[Candidate]) -> Candidate | None:
+def _customary(node: Node, offers: Iterable[Candidate]) -> Candidate | None:
     """The candidate that the operation declares as customary, if it is among those that the request leaves."""
     return next((offer for offer in offers if (offer.method, offer.knob) == node.operation.customary), None)
 
 
 def _cheapest(problem: Problem, choices: Choices, measure: Measure, targets: Mapping[str, float]) -> Choices:
     """From choices that meet the targets to the cheapest that still do."""
-    scaled = Problem(problem.graph, problem.facts, problem.request, problem.usable, targets, problem.measures)
+    scaled = Problem(problem.graph, problem.facts, problem.request, problem.offers, targets, problem.measures)
     quickest = {name: offers.quickest for name, offers in problem.usable.items()}
     if scaled.excess(quickest, measure) <= 1:
         return quickest
@@ -139,15 +137,24 @@ def _cheapest(problem: Problem, choices: Choices, measure: Measure, targets: Map
 
 def _searched(problem: Problem, choices: Choices, measure: Measure) -> Choices:
     limits = _limits(problem)
+    # Judged by the strictest measure, what comes out errs by no less where one method errs by more; unless values are
+    # rounded between steps, or read as data.
+    judged = measure is problem.measures[0][1] and problem.graph.precision.lossless
+    judged = judged and not any(node.about(problem.facts).data for node in problem.graph.nodes)
     for names in sorted(_alike(problem), key=lambda names: -choices[names[0]].seconds):
         limit = min(limits.get(name, math.inf) for name in names)
+        too_much = math.inf
         for offer in problem.usable[names[0]].in_turn():
+            if offer.stated.least >= too_much or measure(offer.error) >= too_much:
+                continue
             if share(measure(offer.error), limit) > 1:
                 continue  # what arrives beside only adds
             trial = {**choices, **dict.fromkeys(names, offer)}
             if problem.excess(trial, measure) <= 1:
                 choices = trial
                 break
+            if judged:
+                too_much = min(too_much, measure(offer.error))
     return choices
 
 

@@ -1,22 +1,31 @@
-"""What may run for a node: methods at settings of their knobs, of which the passes choose one."""
+"""What may run for a node: methods at settings of their knobs, of which the passes choose one.
+
+Most are never looked at. The quickest are asked for their errors first, and of a method that is slower at every further
+setting of its knob nothing is asked before the setting may be the quickest that is left: neither its error nor its
+work, which may take long to find. Where errors are known at once and fall from setting to setting, the first that is
+small enough is looked for by halves, and nothing is asked of those before it.
+"""
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import groupby
-from typing import Any
+from heapq import heapify, heappop, heappush
+from typing import Any, NamedTuple
 
 from lichen.once import once
-from lichen.operation import Error, Rate
+from lichen.operation import Error, Method, Rate
 from lichen.planning import predict
+
+Measure = Callable[[Error], float]
 
 IN_SECONDS = Rate(0.0, 1.0)
 """Of work that is counted in seconds."""
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
+class Candidate(NamedTuple):
     """A method at one setting of its knob, with what it would make of a node."""
 
     method: str
@@ -41,56 +50,168 @@ class Candidate:
         return self.stated.unfit
 
 
-class Offers(tuple[Candidate, ...]):
-    """Candidates of a node. What is sought among them is found once."""
+class Way(NamedTuple):
+    """A method of a node at some settings of its knob."""
 
-    def least(self, key: Callable[[Candidate], Any]) -> Candidate:
-        """The least by a key; one function for every question, or it is asked anew."""
-        if key not in self._least:
-            self._least[key] = min(self, key=key)
-        return self._least[key]
+    about: predict.About
+    method: Method[Any]
+    settings: tuple[float | None, ...]
+    rate: Rate
+
+    @property
+    def shortest(self) -> float:
+        """Seconds that each of them takes at least."""
+        (about, method, settings, rate), work = self, 0.0
+        if (lightest := method.lightest) is not None and self.unfit is None:
+            work = lightest(about.parameters, settings[0] or 0.0, about.facts)
+        return rate.start + rate.step * work
+
+    @property
+    def unfit(self) -> str | None:
+        """Why none of them can be taken at all."""
+        return self.about.unfit(self.method.name)
+
+    def at(self, setting: float | None) -> Candidate:
+        return Candidate(self.method.name, setting, self.about.offer(self.method, setting), self.rate)
+
+    def able(self, limit: float) -> Iterator[Candidate]:
+        """Those that can be taken and of which it is not known at once that they err by more; the quickest first."""
+        about, method, settings, _ = self
+        if self.unfit is not None:
+            return iter(())
+        if limit < math.inf and method.orderly:
+            settings = settings[bisect_left(settings, -limit, key=self._better) :]
+        elif limit < math.inf and (least := method.least) is not None:
+            settings = tuple([each for each in settings if least(about.parameters, each or 0.0, about.facts) <= limit])
+        found = map(self.at, settings)
+        return found if method.knob is None or method.knob.rising else iter(sorted(found, key=_seconds))
+
+    def _better(self, setting: float | None) -> float:
+        """Larger for smaller errors, rounding aside."""
+        error = self.about.offer(self.method, setting).error
+        return error.rounding - min(error.value, error.usual)
+
+
+@dataclass(frozen=True)
+class Offers:
+    """Candidates of a node: of ways to compute it, then single ones. What is sought among them is found once."""
+
+    single: tuple[Candidate, ...] = ()
+    ways: tuple[Way, ...] = ()
+
+    @once
+    def _all(self) -> tuple[Candidate, ...]:
+        return (*[way.at(setting) for way in self.ways for setting in way.settings], *self.single)
+
+    def __iter__(self) -> Iterator[Candidate]:
+        return iter(self._all)
+
+    def __len__(self) -> int:
+        return sum([len(way.settings) for way in self.ways]) + len(self.single)
+
+    @property
+    def possible(self) -> bool:
+        """Whether any of them can be taken."""
+        return any(way.unfit is None for way in self.ways) or any(offer.unfit is None for offer in self.single)
 
     @once
     def usable(self) -> Offers:
         """Those that can be taken."""
-        return Offers([offer for offer in self if offer.unfit is None])
+        single = tuple([offer for offer in self.single if offer.unfit is None])
+        return Offers(single, tuple([way for way in self.ways if way.unfit is None]))
 
-    def able(self, limit: float) -> Offers:
-        """Those whose errors are not known to be larger. No more than that is asked of the others: neither their errors
-        nor their work, which may take long to find."""
-        found = self._able.get(limit)
+    def best(self, measure: Measure) -> Candidate:
+        """The most accurate that can be taken, of equally accurate ones the quickest. Those that are known to be less
+        accurate are not asked."""
+        found = self._best.get(measure)
         if found is None:
-            if len(self._able) >= MOST_LIMITS:
-                self._able.clear()
-            found = self._able[limit] = Offers([offer for offer in self if offer.stated.least <= limit])
+            least, alike = (math.inf, math.inf), list[Candidate]()
+            for offer in sorted((offer for offer in self if offer.unfit is None), key=_least):
+                if offer.stated.least > least[0]:
+                    break
+                error = offer.stated.error
+                if (told := (measure(error), error.usual)) <= least:
+                    least, alike = told, [*alike, offer] if told == least else [offer]
+            found = self._best[measure] = alike[0] if len(alike) == 1 else min(alike, key=_seconds)
         return found
 
-    def in_turn(self) -> Iterator[Candidate]:
-        """The quickest first, and of equally quick ones the most accurate. No error is asked for but theirs."""
-        known = self.__dict__.get("_turns")
-        if known is not None:
-            yield from known
+    def first(self, measure: Measure, limit: float) -> Candidate | None:
+        """The quickest that can be taken whose error measures no more than the limit; of equally quick ones the most
+        accurate."""
+        question = measure, limit
+        if question not in self._first:
+            if len(self._first) >= MOST_LIMITS:
+                self._first.clear()
+            able = self.in_turn(limit)
+            self._first[question] = next((offer for offer in able if measure(offer.stated.error) <= limit), None)
+        return self._first[question]
+
+    def in_turn(self, limit: float = math.inf) -> Iterator[Candidate]:
+        """Those that can be taken and of which it is not known at once that they err by more: the quickest first, of
+        equally quick ones the most accurate. No error is asked for but theirs."""
+        turns = self._turns.get(limit)
+        if turns is not None:
+            yield from turns
             return
-        turns: list[Candidate] = []
-        for _, together in groupby(sorted(self, key=_seconds), key=_seconds):
-            equal = list(together)
-            if len(equal) > 1:
-                equal.sort(key=lambda offer: offer.error.value)
+        turns = []
+        for equal in self._together(limit):
             turns += equal
             yield from equal
-        self.__dict__["_turns"] = turns
+        if len(self._turns) >= MOST_LIMITS:
+            self._turns.clear()
+        self._turns[limit] = turns
+
+    def _together(self, limit: float) -> Iterator[list[Candidate]]:
+        """As `in_turn`, together with those that take as long."""
+        if len(self) == 1:
+            yield [offer for offer in self if offer.unfit is None]
+            return
+        # By what they take, which of a way that nobody has looked into is what it takes at least; and by their places.
+        heap: list[tuple[float, int, Candidate | None, Way | Iterator[Candidate]]] = []
+        place = 0
+        for way in self.ways:
+            heap.append((way.shortest, place, None, way))
+            place += len(way.settings)
+        for offer in self.single:
+            if offer.unfit is None:
+                heap.append((offer.seconds, place, offer, iter(())))
+            place += 1
+        heapify(heap)
+        equal = list[tuple[int, Candidate]]()
+        while heap:
+            seconds, place, found, others = heappop(heap)
+            if isinstance(others, Way):
+                others = others.able(limit)
+            if found is not None:
+                equal.append((place, found))
+                place += 1
+            if (further := next(others, None)) is not None:
+                heappush(heap, (further.seconds, place, further, others))
+            if equal and not (heap and heap[0][0] <= seconds):
+                if len(equal) > 1:
+                    equal.sort(key=lambda each: (each[1].error.value, each[0]))
+                yield [offer for _, offer in equal]
+                equal.clear()
 
     @once
     def quickest(self) -> Candidate:
         return next(self.in_turn())
 
     @once
-    def _able(self) -> dict[float, Offers]:
+    def _first(self) -> dict[tuple[Measure, float], Candidate | None]:
         return {}
 
     @once
-    def _least(self) -> dict[Callable[[Candidate], Any], Candidate]:
+    def _turns(self) -> dict[float, list[Candidate]]:
         return {}
+
+    @once
+    def _best(self) -> dict[Measure, Candidate]:
+        return {}
+
+
+def _least(offer: Candidate) -> float:
+    return offer.stated.least
 
 
 def _seconds(offer: Candidate) -> float:

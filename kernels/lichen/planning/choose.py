@@ -30,13 +30,12 @@ from lichen.errors import Flaw, InvalidRequest, Unattainable, nearest
 from lichen.image import Storage
 from lichen.operation import ROUNDING, Error, Facts, Method
 from lichen.planning.budget import Problem, within_error, within_time
-from lichen.planning.candidates import NOTHING, Candidate, Offers
-from lichen.planning.graph import FREE, TRUTH, Decision, Graph, Node, Output, Request, inputs_of
-from lichen.planning.predict import Offer, Told
+from lichen.planning.candidates import NOTHING, Candidate, Offers, Way
+from lichen.planning.graph import FREE, TRUTH, Asked, Decision, Graph, Node, Output, Request, inputs_of
+from lichen.planning.predict import About, Told
 
 DOUBLE_ROUNDING = 2.0**-40
 """Relative to the output's magnitude: of sums of thousands of terms in doubles, whatever order they are added in."""
-Stated = Mapping[tuple[str, float | None], Offer]
 LEFT_OUT = "left out"
 """The name of the candidate that does nothing."""
 
@@ -46,23 +45,23 @@ def choose(graph: Graph, request: Request) -> Graph:
     facts = graph.facts()
     candidates = _definition if graph.precision is Precision.FLOAT64 else _candidates
     offers = {node.name: candidates(node, facts, request) for node in graph.nodes}
-    usable = {name: offered.usable for name, offered in offers.items()}
-    _refuse_unusable(graph, request, offers, usable)
+    _refuse_unusable(graph, request, offers)
     targets = {name: target_error(facts[each.source], each, request) for name, each in graph.outputs.items()}
-    problem = Problem(graph, facts, request, usable, targets, measures(request))
+    problem = Problem(graph, facts, request, offers, targets, measures(request))
     try:
         choices = within_time(problem) if request.max_ms is not None else _within_error(problem, offers)
     except Unattainable:
         if not _may_be_exact(graph, request):
             raise
         return choose(graph.replace(precision=Precision.FLOAT64), request)
-    nodes = tuple(node.chosen(choices[node.name], offers[node.name]) for node in graph.nodes)
+    nodes = tuple([node.chosen(choices[node.name], offers[node.name]) for node in graph.nodes])
     said = _reason(request, min(targets.values()))
-    return graph.replace(nodes=nodes).deciding(
+    decisions = [
         Decision("choose", node.name, f"method {_label(made)}", said, made.error.value, partial(_saved, node))
         for node in nodes
         if (made := node.choice) is not None and made.passes is None
-    )
+    ]
+    return graph.replace(nodes=nodes, decisions=(*graph.decisions, *decisions))
 
 
 def _may_be_exact(graph: Graph, request: Request) -> bool:
@@ -81,17 +80,15 @@ def _within_error(problem: Problem, offers: dict[str, Offers]) -> Mapping[str, C
             raise
         for node in free:
             by_truth = _definition(node, problem.facts, problem.request, DOUBLE_ROUNDING + ROUNDING)
-            offers[node.name] = Offers([*offers[node.name], *by_truth])
-        usable = {name: each.usable for name, each in offers.items()}
-        return within_error(dataclasses.replace(problem, usable=usable))
+            known = offers[node.name]
+            offers[node.name] = Offers(known.single + by_truth.single, known.ways)
+        return within_error(dataclasses.replace(problem, offers=offers))
 
 
-def _refuse_unusable(
-    graph: Graph, request: Request, offers: Mapping[str, Offers], usable: Mapping[str, Offers]
-) -> None:
+def _refuse_unusable(graph: Graph, request: Request, offers: Mapping[str, Offers]) -> None:
     flaws = []
     for node in graph.nodes:
-        if usable[node.name]:
+        if offers[node.name].possible:
             continue
         reasons = "; ".join(f"{offer.method}: {offer.unfit}" for offer in offers[node.name])
         flaws.append((node.operation.name, Flaw(_where(node, request, "/method"), reasons)))
@@ -109,7 +106,7 @@ def _definition(node: Node, facts: Mapping[str, Facts], request: Request, relati
     """Truth itself, in doubles, with its rounding relative to the output's magnitude."""
     rounding = relative * facts[node.name].extent.magnitude
     seconds = node.operation.truth_seconds(node.parameters, inputs_of(node, facts))
-    return Offers([Candidate(TRUTH, None, Told(Error(rounding, "bound", rounding), seconds))])
+    return Offers((Candidate(TRUTH, None, Told(Error(rounding, "bound", rounding), seconds)),))
 
 
 def _candidates(node: Node, facts: Mapping[str, Facts], request: Request) -> Offers:
@@ -131,15 +128,14 @@ def _sought(node: Node, facts: Mapping[str, Facts], request: Request) -> Offers:
             f"{node.operation.name} has no method {asked.method!r}.",
             [Flaw(_where(node, request, "/method"), nearest(asked.method, methods))],
         )
-    stated = node.offers(facts)
-    offers = [
-        offer
+    about = node.about(facts)
+    ways = [
+        _way(about, method, asked, request)
         for method in methods.values()
         if asked.method in (None, method.name)
         and (not asked.knobs or (method.knob and method.knob.name in asked.knobs))
-        for offer in _settings(node, method, facts, request, stated)
     ]
-    if not offers:
+    if not ways:
         raise InvalidRequest(
             f"The method {asked.method!r} of {node.operation.name} has no such knob.",
             [
@@ -147,22 +143,17 @@ def _sought(node: Node, facts: Mapping[str, Facts], request: Request) -> Offers:
                 for name in sorted(asked.knobs)
             ],
         )
-    if request.prune and (asked.method, asked.knobs) == (FREE.method, FREE.knobs) and not node.operation.finds:
-        offers += _left_out(node, facts, request)
-    return Offers(_accurate(node, offers, request) if asked.max_error is not None else offers)
+    free = request.prune and (asked.method, asked.knobs) == (FREE.method, FREE.knobs) and not node.operation.finds
+    offers = Offers(tuple(_left_out(node, facts, request)) if free else (), tuple(ways))
+    return offers if asked.max_error is None else Offers(tuple(_accurate(node, offers, request)))
 
 
-def _settings(
-    node: Node, method: Method[Any], facts: Mapping[str, Facts], request: Request, stated: Stated
-) -> Iterator[Candidate]:
-    rate = request.rate(node.operation, method)
+def _way(about: About, method: Method[Any], asked: Asked, request: Request) -> Way:
+    rate = request.rate(about.operation, method)
     if rate.kinds:
-        rate = rate.of(node.about(facts).kind)
-    asked = node.asked.knobs.get(method.knob.name) if method.knob else None
-    settings = (None,) if method.knob is None else method.knob.values if asked is None else (asked,)
-    for setting in settings:
-        offer = stated[method.name, setting] if asked is None else node.offer(facts, method.name, setting)
-        yield Candidate(method.name, setting, offer, rate)
+        rate = rate.of(about.kind)
+    setting = asked.knobs.get(method.knob.name) if asked.knobs and method.knob else None
+    return Way(about, method, method.settings if setting is None else (setting,), rate)
 
 
 def _left_out(node: Node, facts: Mapping[str, Facts], request: Request) -> Iterator[Candidate]:
@@ -181,7 +172,7 @@ def _alike(given: Facts, made: Facts) -> bool:
     return forms[0] == forms[1]
 
 
-def _accurate(node: Node, offers: list[Candidate], request: Request) -> list[Candidate]:
+def _accurate(node: Node, offers: Offers, request: Request) -> list[Candidate]:
     """The offers that keep the error asked of the node itself. Raises `Unattainable` where none does."""
     limit = node.asked.max_error
     assert limit is not None
@@ -231,12 +222,8 @@ def typical_beyond_rounding(error: Error) -> float:
 def _saved(node: Node) -> float:
     """Milliseconds that the choice saves against the most accurate candidate."""
     assert node.choice is not None
-    return max(node.alternatives.least(_most_accurate).seconds - node.choice.seconds, 0.0) * 1e3
-
-
-def _most_accurate(offer: Candidate) -> tuple[bool, float, float]:
-    """Of those that can be taken and do something."""
-    return offer.unfit is not None or offer.passes is not None, offer.error.value, offer.seconds
+    done = Offers(tuple([offer for offer in node.alternatives.single if offer.passes is None]), node.alternatives.ways)
+    return max(done.best(largest).seconds - node.choice.seconds, 0.0) * 1e3
 
 
 def _label(choice: Candidate) -> str:

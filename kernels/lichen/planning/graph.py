@@ -95,11 +95,8 @@ class Node:
         return found
 
     def _same(self, facts: Mapping[str, Facts], known: tuple[Facts, ...]) -> bool:
-        """Whether these are the facts of what it reads. Asked a dozen times of every node, most of which read one."""
-        if len(known) == 1:
-            (source,) = self.inputs.values()
-            return facts[source] is known[0] or facts[source] == known[0]
-        return all(facts[source] == then for source, then in zip(self.inputs.values(), known, strict=True))
+        """Whether these are the facts of what it reads. Asked a dozen times of every node."""
+        return tuple([facts[source] for source in self.inputs.values()]) == known
 
     def result(self, facts: Mapping[str, Facts]) -> Facts:
         """Facts of what it makes."""
@@ -112,10 +109,6 @@ class Node:
     def offers(self, facts: Mapping[str, Facts]) -> Mapping[tuple[str, float | None], predict.Offer]:
         """What its methods state, at all values of their knobs."""
         return self.about(facts).offers
-
-    def offer(self, facts: Mapping[str, Facts], method: str, knob: float | None) -> predict.Offer:
-        """What one of its methods states at one setting."""
-        return self.about(facts).offer(method, knob)
 
     def stage(self, facts: Mapping[str, Facts], method: str) -> Stage | None:
         """What one of its methods is as a step of a fused chain."""

@@ -49,7 +49,8 @@ class Offer:
     @once
     def least(self) -> float:
         """What the error is at least, rounding aside."""
-        return self._method.least(self._about.parameters, self._setting, self._about.facts)
+        least = self._method.least
+        return 0.0 if least is None else least(self._about.parameters, self._setting, self._about.facts)
 
     @once
     def work(self) -> float:
@@ -58,7 +59,7 @@ class Offer:
     @property
     def unfit(self) -> str | None:
         """Why it cannot be taken at all."""
-        return self._about.unfit[self._method.name]
+        return self._about.unfit(self._method.name)
 
 
 class About:
@@ -75,6 +76,8 @@ class About:
         """what passes make of it, by their own keys"""
         self._carried: dict[float, float] = {}
         self._stages: dict[str, Stage | None] = {}
+        self._unfit: dict[str, str | None] = {}
+        self._offers: dict[tuple[str, float | None], Offer] = {}
 
     @once
     def result(self) -> Facts:
@@ -93,23 +96,29 @@ class About:
             found = self._carried[error] = self.operation.propagate(self.parameters, self.facts, error)
         return found
 
-    @once
-    def unfit(self) -> Mapping[str, str | None]:
-        """Why methods cannot be taken at all; None for those that can."""
-        return {name: each.unfit(self.parameters, self.facts) for name, each in self.operation.methods.items()}
+    def unfit(self, name: str) -> str | None:
+        """Why a method cannot be taken at all; None where it can."""
+        if name not in self._unfit:
+            self._unfit[name] = self.operation.methods[name].unfit(self.parameters, self.facts)
+        return self._unfit[name]
 
     @once
     def offers(self) -> Mapping[tuple[str, float | None], Offer]:
         """What all methods state, at all values of their knobs."""
         return {
-            (each.name, knob): Offer(self, each, knob)
-            for each in self.operation.methods.values()
-            for knob in (each.knob.values if each.knob else (None,))
+            (method.name, setting): self.offer(method, setting)
+            for method in self.operation.methods.values()
+            for setting in method.settings
         }
 
-    def offer(self, name: str, knob: float | None) -> Offer:
+    def offer(self, method: Method[Any], knob: float | None) -> Offer:
         """What one method states at one setting."""
-        return self.offers.get((name, knob)) or Offer(self, self.operation.methods[name], knob)
+        found = self._offers.get((method.name, knob))
+        if found is None:
+            found = Offer(self, method, knob)
+            if knob in method.settings:  # there is no end of others
+                self._offers[method.name, knob] = found
+        return found
 
     def stage(self, name: str) -> Stage | None:
         """What one method is as a step of a chain."""

@@ -11,7 +11,6 @@ really arrives.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from functools import partial
 
@@ -85,14 +84,14 @@ def _predicted(graph: Graph, request: Request) -> Graph:
 
 
 def _again(node: Node, facts: Mapping[str, Facts], request: Request) -> Node:
-    choice = node.choice
+    choice, about = node.choice, node.about(facts)
     assert choice is not None, "every node has its choice"
 
     def again(offer: Candidate) -> Candidate:
         method = node.operation.methods.get(offer.method)
         if method is None:
             return offer
-        rate = request.rate(node.operation, method).of(node.about(facts).kind)
-        return dataclasses.replace(offer, stated=node.offer(facts, method.name, offer.knob), rate=rate)
+        rate = request.rate(node.operation, method).of(about.kind)
+        return offer._replace(stated=about.offer(method, offer.knob), rate=rate)
 
-    return node.chosen(again(choice), Offers(map(again, node.alternatives)))
+    return node.chosen(again(choice), Offers(tuple(map(again, node.alternatives))))

@@ -318,7 +318,7 @@ def test_what_is_inherited_counts() -> None:
     found = errors(made, made.facts(), {"a": choice})["a"]
     assert found.value == pytest.approx(2e-3 + choice.error.value)
     problem = Problem(
-        made, made.facts(), Request(), {"a": Offers([choice])}, {"a": 1e-6}, [("an error", lambda e: e.value)]
+        made, made.facts(), Request(), {"a": Offers((choice,))}, {"a": 1e-6}, [("an error", lambda e: e.value)]
     )
     assert isinstance(next(iter(within_error(problem).values())), Candidate)
 

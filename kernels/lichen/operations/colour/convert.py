@@ -34,6 +34,7 @@ from pydantic import Field
 from lichen.errors import Flaw
 from lichen.image import Alpha, Extent, Image, Space
 from lichen.memory import Array, aligned, aligned_empty
+from lichen.once import latest
 from lichen.operation import (
     POINTWISE,
     ROUNDING,
@@ -132,8 +133,6 @@ class Walk:
     doubts: list[Doubt]
     inside: bool
     """whether every step stays well inside float32"""
-    held: bool = True
-    """whether every curve's polynomials reach far enough"""
 
     @property
     def error(self) -> float:
@@ -148,16 +147,28 @@ def _walk(p: Parameters, facts: Facts, by: float = 0.0, degree: int = 0, bare: b
     extent: Interval = (facts.extent.low, facts.extent.high)
     intervals = [extent] * _models(p, facts.space)[0].channels
     doubts = [Doubt(0.0, by)] * len(intervals)
-    inside, known, held = size(extent) < FAR, True, True
+    inside, known = size(extent) < FAR, True
     for step in _steps(p, facts.space, degree):
-        held &= not isinstance(step, Fitted) or step.holds(intervals)
         step = rounded(step) if bare else step
         doubts = step.doubts(doubts, intervals)
         intervals = step.intervals(intervals)
         # Next to a pole no range is known: there a result is as large as the picture makes it.
         known &= not (isinstance(step, Mixed) and any(size(each) >= UNKNOWN for each in intervals))
         inside &= size(extent) < NEAR if not known else all(size(each) < FAR for each in intervals)
-    return Walk(intervals, doubts, inside, held)
+    return Walk(intervals, doubts, inside)
+
+
+def _held(p: Parameters, facts: Facts) -> bool:
+    """Whether every curve's polynomials reach far enough."""
+    intervals: list[Interval] = [(facts.extent.low, facts.extent.high)] * _models(p, facts.space)[0].channels
+    for step in _steps(p, facts.space, DEGREES[0]):
+        if isinstance(step, Fitted) and not step.holds(intervals):
+            return False
+        intervals = step.intervals(intervals)
+    return True
+
+
+_exactly = latest(_walk)
 
 
 def _passing(p: Parameters, facts: Facts) -> bool:
@@ -170,7 +181,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     if _identity(p, facts):
         return Facts(image.height, image.width, image.channels, space, image.alpha, image.extent)
     source, target = _models(p, image.space)
-    walk = _walk(p, image)
+    walk = _exactly(p, image)
     passing = [(image.extent.low, image.extent.high)] if _passing(p, image) else []
     intervals, slack = [*walk.intervals, *passing], walk.error
     low, high = min(low for low, _ in intervals) - slack, max(high for _, high in intervals) + slack
@@ -246,14 +257,14 @@ def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
 
 
 def _single_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    value = _walk(p, facts["image"]).error
+    value = _exactly(p, facts["image"]).error
     nominal = 360.0 if p.target.polar else 100.0 if p.target in (Model.LAB, Model.LUV) else 1.0
     vague = value > 1e-3 * nominal
     return Error(value, "estimate", rounding=value, typical=4e-7 * nominal if vague else None)
 
 
 def _single_unfit(p: Parameters, facts: InputFacts) -> str | None:
-    if _walk(p, facts["image"]).inside:
+    if _exactly(p, facts["image"]).inside:
         return None
     return "values this large leave the range of float32 on the way"
 
@@ -331,7 +342,7 @@ def _fitted_unfit(p: Parameters, facts: InputFacts) -> str | None:
     image = facts["image"]
     if not any(isinstance(step, Fitted) for step in _steps(p, image.space, DEGREES[0])):
         return "no curve on the way is quicker as polynomials"
-    if not _walk(p, image, degree=DEGREES[0]).held:
+    if not _held(p, image):
         return "what lies beyond 1 before a curve is computed"
     return _single_unfit(p, facts)
 

@@ -27,6 +27,7 @@ from lichen.accuracy.colour import delta_e
 from lichen.errors import Flaw
 from lichen.image import Alpha, Extent, Space
 from lichen.memory import Array, aligned, aligned_empty
+from lichen.once import latest
 from lichen.operation import (
     POINTWISE,
     ROUNDING,
@@ -124,6 +125,7 @@ def distances(inputs: Inputs, p: Parameters) -> Array:
     return plane
 
 
+@latest
 def _farthest(p: Parameters, facts: InputFacts) -> float:
     """No two colours are farther apart: CIE94 divides by 1 at least; CIEDE2000 too, and it stretches a* by 1.5 at most,
     and its mixed term at most doubles the squares."""

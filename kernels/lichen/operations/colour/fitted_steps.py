@@ -76,19 +76,19 @@ class Fitted:
     def doubts(self, given: Sequence[Doubt], intervals: Sequence[Interval]) -> list[Doubt]:
         """A convex curve keeps a relative error. Of a concave one an absolute is left: the relative one times the
         largest slope over the logarithm, and what an absolute one makes of darkness."""
-        beyond = self.exact.doubts(given, intervals)
-        own = self.found.error + self.found.rounding
-        made = []
-        for doubt, interval, computed in zip(given, intervals, beyond, strict=True):
-            if self.exact.convex:
-                more = self.found.relative + 2 * ROUNDING
-                made.append(Doubt(computed.relative + more, computed.absolute))
-                continue
-            by, far = doubt.absolute, size(interval)
-            dark = by < DARK and interval[0] >= 0
-            step = self.exact.at(by) - self.exact.at(0.0) if dark else 2 * self.exact.at(by / 2)
-            made.append(Doubt(0.0, own + doubt.relative * _swing(self.exact, far) + 1.01 * step + ROUNDING))
-        return made
+        if self.exact.convex:
+            more = self.found.relative + 2 * ROUNDING
+            return [Doubt(each.relative + more, each.absolute) for each in self.exact.doubts(given, intervals)]
+        planes = list(zip(given, intervals, strict=True))
+        known = {each: self._doubt(*each) for each in set(planes)}
+        return [known[each] for each in planes]
+
+    def _doubt(self, doubt: Doubt, interval: Interval) -> Doubt:
+        by, own = doubt.absolute, self.found.error + self.found.rounding
+        dark = by < DARK and interval[0] >= 0
+        step = self.exact.at(by) - self.exact.at(0.0) if dark else 2 * self.exact.at(by / 2)
+        swing = doubt.relative * _swing(self.exact, size(interval)) if doubt.relative else 0.0
+        return Doubt(0.0, own + swing + 1.01 * step + ROUNDING)
 
     def holds(self, given: Sequence[Interval]) -> bool:
         """Whether the polynomials reach far enough."""

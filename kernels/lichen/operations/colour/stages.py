@@ -92,26 +92,27 @@ class Scalar:
             return float(self._one(np.array([x]))[0])
 
     def intervals(self, given: Sequence[Interval]) -> list[Interval]:
-        return [bounded(self.at(low), self.at(high)) for low, high in given]
+        known = {each: bounded(self.at(each[0]), self.at(each[1])) for each in set(given)}
+        return [known[each] for each in given]
 
     def doubts(self, given: Sequence[Doubt], intervals: Sequence[Interval]) -> list[Doubt]:
-        own = self.roundings * ROUNDING
-        made = []
-        for doubt, interval in zip(given, intervals, strict=True):
-            far, by = size(interval), doubt.absolute + TINY
-            if self.rough:
-                top = self.at(far + doubt.at(interval) + TINY)
-                made.append(Doubt(0.0, 1.01 * (top - self.at(far)) + own * top))
-            elif self.odd:
-                step = self.at(far + by) - self.at(far) if self.convex else 2 * self.at(by / 2)
-                more = 0.5 * ROUNDING * self.exponent * abs(math.log(max(far, 1.0)))  # of the exponent, in NumPy
-                made.append(Doubt(self.elasticity * doubt.relative + own + more, 1.01 * step + by))
-            else:
-                slope = 1 / (3 * BEND**2) if not self.convex else 3 * max(far, BEND) ** 2
-                swing = max(4 / 29, far ** (1 / 3) / 3) if not self.convex else slope * far
-                top = max(abs(self.at(x)) for x in interval)
-                made.append(Doubt(0.0, doubt.relative * swing + by * slope + own * max(top, 4 / 29)))
-        return made
+        planes = list(zip(given, intervals, strict=True))
+        known = {each: self._doubt(*each) for each in set(planes)}
+        return [known[each] for each in planes]
+
+    def _doubt(self, doubt: Doubt, interval: Interval) -> Doubt:
+        own, far, by = self.roundings * ROUNDING, size(interval), doubt.absolute + TINY
+        if self.rough:
+            top = self.at(far + doubt.at(interval) + TINY)
+            return Doubt(0.0, 1.01 * (top - self.at(far)) + own * top)
+        if self.odd:
+            step = self.at(far + by) - self.at(far) if self.convex else 2 * self.at(by / 2)
+            more = 0.5 * ROUNDING * self.exponent * abs(math.log(max(far, 1.0)))  # of the exponent, in NumPy
+            return Doubt(self.elasticity * doubt.relative + own + more, 1.01 * step + by)
+        slope = 1 / (3 * BEND**2) if not self.convex else 3 * max(far, BEND) ** 2
+        swing = max(4 / 29, far ** (1 / 3) / 3) if not self.convex else slope * far
+        top = max(abs(self.at(x)) for x in interval)
+        return Doubt(0.0, doubt.relative * swing + by * slope + own * max(top, 4 / 29))
 
 
 def power(exponent: float) -> Scalar:

@@ -182,6 +182,7 @@ def _scaled(means: Array, total: float, bias: float) -> Array:
     knob=Knob("tolerance", (0.1, 0.03, 1e-2, 1e-3, 1e-6), "share of the kernel's l1 norm that is left out", 0.0, 0.5),
     error=base.worst(base.separable_error),
     work=base.total(base.separable_work),
+    lightest=base.total(base.separable_lightest),
     rates={"opencl": Rate(6e-4, 1.4e-11), "numpy": Rate(3e-4, 1e-10)},
     unfit=base.none_of(base.separable_unfit),
 )

@@ -245,6 +245,12 @@ def separable_error(p: Parameters, tolerance: float, facts: InputFacts) -> Error
     return Error(lowrank.dropped(left, low, high) + rounding, "bound", rounding)
 
 
+def separable_lightest(p: Parameters, tolerance: float, facts: InputFacts) -> float:
+    """Of one column and row, if there is anything to multiply by, which takes no decomposition to tell."""
+    taps = stencil(p).taps
+    return facts["image"].samples * (sum(taps.shape) + 60.0) if taps.any() and tolerance < 1 else 0.0
+
+
 def separable_work(p: Parameters, tolerance: float, facts: InputFacts) -> float:
     taps = stencil(p).taps
     return facts["image"].samples * len(separated(taps, tolerance)[0]) * (sum(taps.shape) + 60.0)

@@ -155,8 +155,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
             return _by_matrices(pixels, _weights(p), border, value)
 
         return missing.renormalised(inputs, p.missing, p.border, p.value, mean)
-    halves = (half_kernel(sigma) for sigma in p.deviations)
-    down, across = (np.concatenate([half[:0:-1], half]) for half in halves)
+    down, across = (np.concatenate([half[:0:-1], half]) for half in map(half_kernel, p.deviations))
     return _by_matrices(pixels, (down, across), p.border, p.value)
 
 
@@ -189,10 +188,9 @@ def _fir_head(p: Parameters, tail: float, facts: InputFacts) -> Head | None:
     head=_fir_head,
     coded=True,
     scratch=2.1,
-    knob=Knob(
-        "tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the kernel that is cut off", 1e-9, MOST_TAIL, order=1
-    ),
+    knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight cut off", 1e-9, MOST_TAIL, order=1, rising=False),
     error=base.fir_error,
+    orderly=True,
     work=base.fir_work,
     rates={"opencl": Rate(5e-4, 2.2e-11), "numpy": Rate(2e-4, 7e-11)},
 )
@@ -261,8 +259,10 @@ def _multirate_head(p: Parameters, tail: float, facts: InputFacts) -> Head | Non
     scratch=1.2,
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight that is cut off or misplaced", 1e-9, MOST_TAIL),
     error=base.multirate_error,
+    orderly=True,
     work=base.multirate_work,
-    rates={"opencl": Rate(1e-3, 2.1e-11), "numpy": Rate(5e-4, 2e-10)},
+    lightest=base.multirate_lightest,
+    rates={"opencl": Rate(1.1e-3, 1.65e-11), "numpy": Rate(5e-4, 2e-10)},
     unfit=base.multirate_unfit,
     coded=True,
 )
@@ -283,7 +283,9 @@ class Multirate:
     scratch=6.1,
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight of the modes that are dropped", 1e-9, MOST_TAIL),
     error=base.dct_error,
+    orderly=True,
     work=base.dct_work,
+    lightest=base.dct_work,
     rates={"opencl": Rate(1e-3, 2.9e-11), "numpy": Rate(1e-4, 1.8e-11)},
     unfit=base.dct_unfit,
 )
@@ -345,8 +347,7 @@ class Deriche:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, order: float) -> Array:
-        down, across = base.deriche_filters(p, order)
-        return recursive_opencl(device, inputs["image"].pixels, down, across, p.border, p.value)
+        return recursive_opencl(device, inputs["image"].pixels, *base.deriche_filters(p, order), p.border, p.value)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, order: float) -> Array:
@@ -369,8 +370,7 @@ class VlietYoung:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, order: float) -> Array:
-        down, across = base.vliet_young_filters(p, order)
-        return recursive_opencl(device, inputs["image"].pixels, down, across, p.border, p.value)
+        return recursive_opencl(device, inputs["image"].pixels, *base.vliet_young_filters(p, order), p.border, p.value)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, order: float) -> Array:
@@ -380,7 +380,7 @@ class VlietYoung:
 @gaussian.method(
     "box3",
     scratch=3.2,
-    knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1),
+    knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1, rising=False),
     error=base.boxes_error,
     least=base.least_error("box3"),
     work=base.boxes_work,

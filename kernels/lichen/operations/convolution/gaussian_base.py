@@ -15,9 +15,9 @@ from lichen.operation import ROUNDING, Border, Degrees, Error, InputFacts, Opera
 from lichen.operations.convolution import gaussian_turned, lowrank
 from lichen.operations.convolution.boxes import Boxes, boxes, boxes_distance
 from lichen.operations.convolution.gaussian_turned import Turned
-from lichen.operations.convolution.gaussian_weights import dct_modes, fir_radius, modes_about
+from lichen.operations.convolution.gaussian_weights import NORMAL, dct_modes, fir_radius, modes_about
 from lichen.operations.convolution.missing import Missing, check_mask, leaves_out, renormalised_error
-from lichen.operations.convolution.multirate import WIDEST, Rates, in_bands, rates
+from lichen.operations.convolution.multirate import WIDEST, Rates, in_bands, rates, step_of
 from lichen.operations.convolution.passes import rows_laid_out
 from lichen.operations.convolution.recursive import BLOCK
 from lichen.operations.convolution.recursive_filters import (
@@ -64,8 +64,8 @@ class Parameters(OperationParameters):
 
     @property
     def _given(self) -> tuple[float, float]:
-        along, across = (self.sigma if each is None else each for each in (self.sigma_x, self.sigma_y))
-        return along, across
+        along, across = self.sigma_x, self.sigma_y
+        return self.sigma if along is None else along, self.sigma if across is None else across
 
     @property
     def deviations(self) -> tuple[float, float]:
@@ -181,9 +181,9 @@ def _passed(height: int, width: int, channels: int, tall: int, wide: int, workin
     return busy * ((1.6 * wide + STAGED) * (height + bands * (tall - 1)) + 0.44 * tall * height)
 
 
-MOVED, STAGED, FOLDED = 122, 10, 700
-"""Multiply-adds that take as long as moving a sample through both passes, as reading it into a tile, or as folding into
-one number of a matrix."""
+MOVED, STAGED, FOLDED, KEPT = 122, 10, 700, 34
+"""Multiply-adds that take as long as moving a sample through both passes, as reading it into a tile, as folding into
+one number of a matrix, or as writing a sample between passes and reading it again."""
 
 
 # -------------------------------------------------------------------------------------------------------------- dct
@@ -249,12 +249,22 @@ def multirate_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
 
 
 def multirate_work(p: Parameters, tail: float, facts: InputFacts) -> float:
-    """Multiply-adds, of the rows that are left of them; beside what it takes to read the image and to write it."""
+    """Multiply-adds, of the rows that are left of them; beside what it takes to read the image and to write it, and to
+    keep a row from either pass to the next."""
     image, (down, radius, _) = facts["image"], multirate_filters(p, tail)
     bands, steps = in_bands(image.height, image.width * image.channels, down)
     kept = bands * (steps + down.taps - 1) / image.height
-    along = 1.6 * (2 * radius + 1) + STAGED
-    return image.samples * (28.0 + kept * (down.rows + along) + 0.9 * down.taps)
+    along = 1.6 * (2 * radius + 1)
+    return image.samples * (28.0 + kept * (down.rows + along + KEPT) + 0.3 * down.taps)
+
+
+def multirate_lightest(p: Parameters, tail: float, facts: InputFacts) -> float:
+    """With a tap less at either end than Gaussians that are not sampled would need."""
+    down, across = _within(p, 1.0, WIDEST)
+    step, part = step_of(down, tail), down / math.sqrt(2)
+    above, beside = (max(-NORMAL.inv_cdf(beyond) * s - 1, 0.0) for s, beyond in ((part, tail / 8), (across, tail / 2)))
+    kept = (2 * above + 1 + 1.6 * (2 * beside + 1) + KEPT) / step
+    return facts["image"].samples * (28.0 + kept + 0.3 * max(2 * above / step - 1, 1))
 
 
 def multirate_unfit(p: Parameters, facts: InputFacts) -> str | None:

@@ -52,23 +52,26 @@ def kernel(turned: Turned) -> Matrix:
     y, x = np.arange(-rows, rows + 1)[:, None], np.arange(-columns, columns + 1)[None, :]
     c, s = math.cos(math.radians(turned.angle)), math.sin(math.radians(turned.angle))
     weights = np.exp(-0.5 * (((c * x + s * y) / turned.along) ** 2 + ((c * y - s * x) / turned.across) ** 2))
-    made: Matrix = weights / math.fsum(weights.ravel())
+    made: Matrix = weights / math.fsum(weights.sum(axis=1))
     return made
+
+
+@lru_cache(maxsize=8)
+def _outside(turned: Turned) -> list[Matrix]:
+    """The weight beyond radius 0, 1, 2 ... down and across."""
+    sums = [kernel(turned).sum(axis=axis)[half:] for axis, half in zip((1, 0), turned.radii, strict=True)]
+    return [np.append(2 * np.cumsum(each[::-1])[::-1], 0.0)[1:] for each in sums]
 
 
 @lru_cache(maxsize=32)
 def cut(turned: Turned, tail: float) -> tuple[Matrix, float]:
     """The middle of the kernel with at most `tail` of its weight outside, normalised, and the weight left outside."""
-    whole = kernel(turned)
-    middle = []
-    for axis in (1, 0):
-        sums = whole.sum(axis=axis)
-        half = len(sums) // 2
-        outside = np.append(2 * np.cumsum(sums[half:][::-1])[::-1], 0.0)[1:]  # beyond radius 0, 1, 2 ...
+    whole, middle = kernel(turned), []
+    for half, outside in zip(turned.radii, _outside(turned), strict=True):
         radius = int(np.argmax(outside <= tail / 2))
         middle.append(slice(half - radius, half + radius + 1))
     inner = whole[tuple(middle)]
-    inside = math.fsum(inner.ravel())
+    inside = math.fsum(inner.sum(axis=1))
     return inner / inside, max(1 - inside, 0.0)
 
 

@@ -8,6 +8,7 @@ spectrum at pi m / size: by Poisson's formula again Gaussians.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from functools import lru_cache
 from statistics import NormalDist
 
@@ -36,9 +37,10 @@ def half_kernel(sigma: float) -> Vector:
 
 
 @lru_cache(maxsize=64)
-def _outside(sigma: float) -> Vector:
-    """The weight at distances >= r, for r = 0, 1, 2 ..., as far as it matters; it falls."""
-    outside: Vector = 2 * np.cumsum(half_kernel(sigma)[::-1])[::-1]
+def _outside(sigma: float) -> list[float]:
+    """The weight at distances >= r, for r = n - 1, n - 2 ... 0, from as far as it matters; it rises. Of a list, since
+    planning looks for a number in it by the dozen."""
+    outside: list[float] = (2 * np.cumsum(half_kernel(sigma)[::-1])).tolist()
     return outside
 
 
@@ -46,13 +48,9 @@ def _outside(sigma: float) -> Vector:
 def fir_radius(sigma: float, tail: float) -> tuple[int, float]:
     """The smallest radius that leaves at most `tail` of the weight outside, and the weight it leaves."""
     outside = _outside(sigma)
-    radius = min(_falls_to(outside[1:], tail), len(outside) - 2)
-    return radius, float(outside[radius + 1])
-
-
-def _falls_to(values: Vector, limit: float) -> int:
-    """Of falling values the place of the first that is at most `limit`; their number where none is."""
-    return len(values) - int(values[::-1].searchsorted(limit, "right"))
+    last = len(outside) - 1
+    radius = min(last - bisect_right(outside, tail, 0, last), last - 1)
+    return radius, outside[last - radius - 1]
 
 
 def fir_weights(sigma: float, tail: float) -> Vector:

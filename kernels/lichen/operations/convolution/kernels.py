@@ -180,30 +180,25 @@ def separated(taps: Matrix, tolerance: float) -> tuple[list[tuple[Matrix, Matrix
 
 @lru_cache(64)
 def _separated(taps: bytes, shape: tuple[int, int], tolerance: float) -> tuple[list[tuple[Matrix, Matrix]], Matrix]:
-    terms, left, norms = _unfolded(taps, shape)
-    allowed = tolerance * norms[0]
-    count = next((k for k, norm in enumerate(norms) if norm <= allowed), len(terms))
-    return terms[:count], left[count]
+    columns, rows, without = _unfolded(taps, shape)
+    whole: Matrix = np.frombuffer(taps).reshape(shape)
+    allowed = tolerance * float(np.abs(whole).sum())
+    # What is left measures no less in the l1 norm than in the l2 norm, which is known of every number of products.
+    count = len(without) - int(without[::-1].searchsorted(allowed * (1 + 1e-9), "right"))
+    left: Matrix = whole - columns[:count].T @ rows[:count]
+    while count < len(columns) and np.abs(left).sum() > allowed:
+        left, count = whole - columns[: count + 1].T @ rows[: count + 1], count + 1
+    return [(column[:, None], row[None, :]) for column, row in zip(columns[:count], rows[:count], strict=True)], left
 
 
 @lru_cache(16)
-def _unfolded(taps: bytes, shape: tuple[int, int]) -> tuple[list[tuple[Matrix, Matrix]], list[Matrix], list[float]]:
-    """All products, and what the first of them leave, with its l1 norm: of none, of one, of two ..."""
-    down, values, across = _decomposed(taps, shape)
-    count = int(np.count_nonzero(values > 1e-14 * values[0]))
-    scales = np.sqrt(values[:count])
-    columns, rows = _cleaned(down[:, :count].T * scales[:, None]), _cleaned(across[:count] * scales[:, None])
-    products = columns[:, :, None] * rows[:, None, :]
-    left = np.subtract.accumulate(np.concatenate([np.frombuffer(taps).reshape(1, *shape), products]))
-    terms = [(column[:, None], row[None, :]) for column, row in zip(columns, rows, strict=True)]
-    return terms, list(left), np.abs(left).sum(axis=(1, 2)).tolist()
-
-
-@lru_cache(16)
-def _decomposed(taps: bytes, shape: tuple[int, int]) -> tuple[Matrix, Matrix, Matrix]:
-    """Singular vectors and values."""
+def _unfolded(taps: bytes, shape: tuple[int, int]) -> tuple[Matrix, Matrix, npt.NDArray[np.float64]]:
+    """The columns and rows of all products, and the l2 norm of what the first 0, 1, 2 ... leave."""
     down, values, across = np.linalg.svd(np.frombuffer(taps).reshape(shape), full_matrices=False)
-    return down, values, across
+    values = values[: int(np.count_nonzero(values > 1e-14 * values[0]))]
+    count, scales = len(values), np.sqrt(values)[:, None]
+    without = np.sqrt(np.cumsum(np.append(0.0, np.square(values[::-1]))))[::-1]
+    return _cleaned(down[:, :count].T * scales), _cleaned(across[:count] * scales), without
 
 
 def _cleaned(vectors: Matrix) -> Matrix:

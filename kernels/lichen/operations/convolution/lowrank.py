@@ -50,6 +50,12 @@ def dropped(left: Matrix, low: float, high: float) -> float:
 
 def rounding(terms: Terms, magnitude: float, bias: float) -> float:
     """Of both passes of all terms, and of their sum."""
-    weight = sum(float(np.abs(down).sum() * np.abs(across).sum()) for down, across in terms)
+    weight = 0.0
+    if terms:
+        downs, acrosses = (
+            np.concatenate([down for down, _ in terms], axis=1),
+            np.concatenate([each for _, each in terms]),
+        )
+        weight = float(np.abs(downs).sum(axis=0) @ np.abs(acrosses).sum(axis=1))
     longest = max((len(down) + across.shape[1] for down, across in terms), default=2)
     return 1.01 * (longest + len(terms) + 6) * ROUNDING * (weight * magnitude + abs(bias))

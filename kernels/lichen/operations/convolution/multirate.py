@@ -82,17 +82,24 @@ class Filters:
     """(step, taps): row step q + p of the result is the sum over k of [p, k] times kept row q - before + k"""
 
 
+def step_of(sigma: float, tail: float) -> int:
+    """Rows of which one is kept."""
+    return min(max(int(math.pi * sigma / math.sqrt(2 * math.log(4.1 / tail))), 1), MOST)
+
+
 @lru_cache(maxsize=1024)
 def rates(sigma: float, tail: float) -> Rates:
     """Filters whose distance is about `tail`, where `sigma` is so wide that rows can be left out."""
-    step = min(max(int(math.pi * sigma / math.sqrt(2 * math.log(4.1 / tail))), 1), MOST)
+    step = step_of(sigma, tail)
     part = sigma / math.sqrt(2)
     radius, cut = fir_radius(part, tail / 4)
     before, after = radius // step, (radius + step - 1) // step
     # What the second filter lacks falls off with the distance on either side: of all phases the first or the last most.
     lacking = max(
-        _beyond((before + 1) * step + phase, part, step) + _beyond((after + 1) * step - phase, part, step)
-        for phase in (0, step - 1)
+        [
+            _beyond((before + 1) * step + phase, part, step) + _beyond((after + 1) * step - phase, part, step)
+            for phase in {0, step - 1}
+        ]
     )
     folded = _folded(sigma, step)
     return Rates(step, radius, before, after, folded / (1 - folded) + cut + lacking / (1 - _folded(2 * part, step)))
@@ -100,15 +107,16 @@ def rates(sigma: float, tail: float) -> Rates:
 
 def _folded(sigma: float, step: int) -> float:
     """e of the module's text."""
-    return 2 * sum(math.exp(-0.5 * (math.pi * sigma * m / step) ** 2) for m in (1, 2, 3))
+    first = -0.5 * (math.pi * sigma / step) ** 2
+    return 2 * (math.exp(first) + math.exp(4 * first) + math.exp(9 * first))
 
 
 def _beyond(first: int, sigma: float, step: int) -> float:
     """The weight of a Gaussian's samples at `first` > 0 and every `step` further, relative to the integral over all of
     them, at most: that of the first three, and an integral in place of the rest."""
-    places = [(first + step * k) / sigma for k in range(3)]
-    summed = sum(math.exp(-0.5 * place * place) for place in places) / math.sqrt(2 * math.pi)
-    return summed * step / sigma + 0.5 * math.erfc(places[-1] / math.sqrt(2))
+    a, b, c = first / sigma, (first + step) / sigma, (first + 2 * step) / sigma
+    summed = (math.exp(-0.5 * a * a) + math.exp(-0.5 * b * b) + math.exp(-0.5 * c * c)) / math.sqrt(2 * math.pi)
+    return summed * step / sigma + 0.5 * math.erfc(c / math.sqrt(2))
 
 
 @lru_cache(maxsize=64)

@@ -25,6 +25,7 @@ from pydantic import Field
 
 from lichen.image import Alpha, Extent
 from lichen.memory import Array
+from lichen.once import latest
 from lichen.opencl.device import Device
 from lichen.operation import (
     ROUNDING,
@@ -57,7 +58,12 @@ class Parameters(OperationParameters):
 
     @property
     def blur(self) -> Blur:
-        return Blur(sigma=self.sigma, border=self.border, value=self.value, missing=self.missing)
+        return _blur(self)
+
+
+@latest
+def _blur(p: Parameters) -> Blur:
+    return Blur(sigma=p.sigma, border=p.border, value=p.value, missing=p.missing)
 
 
 def _detail(p: Parameters, facts: InputFacts) -> float:
@@ -207,6 +213,7 @@ def _numpy(method: str, inputs: Inputs, p: Parameters, tail: float) -> Array:
     scratch=2.1,
     knob=gaussian.methods["fir"].knob,
     error=_error("fir"),
+    orderly=True,
     work=_work("fir"),
     rates=_rates("fir"),
     unfit=_unfit("fir"),
@@ -228,7 +235,9 @@ class Fir:
     scratch=5.6,
     knob=gaussian.methods["dct"].knob,
     error=_error("dct"),
+    orderly=True,
     work=_work("dct"),
+    lightest=_work("dct"),
     rates=_rates("dct"),
     unfit=_unfit("dct"),
 )

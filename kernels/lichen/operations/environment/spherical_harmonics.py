@@ -26,6 +26,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from enum import StrEnum
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -85,8 +86,12 @@ class Parameters(OperationParameters):
     @property
     def factors(self) -> Array:
         """What each degree is multiplied by."""
-        each = [cosine(degree) if self.output is Output.IRRADIANCE else 1.0 for degree in range(self.bands)]
-        return np.array(each)
+        return _factors(self.bands, self.output)
+
+
+@lru_cache(maxsize=20)
+def _factors(bands: int, output: Output) -> Array:
+    return np.array([cosine(degree) if output is Output.IRRADIANCE else 1.0 for degree in range(bands)])
 
 
 def check_charts(p: Any, facts: InputFacts, size: tuple[int, int]) -> list[Flaw]:
@@ -106,7 +111,12 @@ def check_charts(p: Any, facts: InputFacts, size: tuple[int, int]) -> list[Flaw]
 
 def _most(p: Parameters) -> float:
     """How much of a deviation from the mean the result can be: its kernel is largest straight ahead."""
-    return float(np.sum((2 * np.arange(p.bands) + 1) * np.abs(p.factors)))
+    return _most_of(p.bands, p.output)
+
+
+@lru_cache(maxsize=20)
+def _most_of(bands: int, output: Output) -> float:
+    return float(np.sum((2 * np.arange(bands) + 1) * np.abs(_factors(bands, output))))
 
 
 def _rounding(p: Parameters, facts: InputFacts) -> float:

@@ -165,13 +165,17 @@ def _add(name: str, told: str) -> None:
         errors = [method.error(warp, knob, _facts(facts)) for warp in _warps(p, facts)]
         return max(errors, key=lambda error: error.value)
 
+    def least(p: Parameters, knob: float, facts: InputFacts) -> float:
+        assert method.least is not None, "methods of affine say what they err by at least"
+        return min([method.least(warp, knob, _facts(facts)) for warp in _warps(p, facts)])
+
     def work(p: Parameters, knob: float, facts: InputFacts) -> float:
         works = [method.work(warp, knob, _facts(facts)) for warp in _warps(p, facts)]
         return sum(works[channel if channel < 3 else 1] for channel in range(facts["image"].channels))
 
     ByChannel.__doc__ = told
     rates = {backend: Rate(3 * rate.start, rate.step) for backend, rate in method.rates.items()}
-    chromatic_aberration.method(name, knob=method.knob, error=worst, work=work, rates=rates)(ByChannel)
+    chromatic_aberration.method(name, knob=method.knob, error=worst, least=least, work=work, rates=rates)(ByChannel)
 
 
 for _name in ("bilinear", "bicubic", "lanczos3", "ewa"):

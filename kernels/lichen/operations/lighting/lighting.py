@@ -307,7 +307,7 @@ def _usual(most: float, step: float) -> float:
         else _work(p, step, facts)
     ),
     rates=RATES,
-    knob=Knob("step", (8, 4, 2, 1), "px between those that are lit: the nearest power of 2", 1, 64),
+    knob=Knob("step", (8, 4, 2, 1), "px between those that are lit: the nearest power of 2", 1, 64, rising=False),
     unfit=coarse.unfit,
 )
 class Coarse:

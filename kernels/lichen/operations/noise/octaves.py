@@ -151,12 +151,14 @@ class Cut:
         return sum(octave.kept == 0 for octave in self.asked)
 
 
+@lru_cache(maxsize=64)
 def visible(p: LatticeParameters, lattice: Lattice) -> Cut:
     """All octaves that can be shown: what the definition sums."""
     asked = octaves(p, lattice)
     return Cut(asked, tuple(octave for octave in asked if octave.kept > 0))
 
 
+@lru_cache(maxsize=64)
 def cut(p: LatticeParameters, lattice: Lattice, tail: float) -> tuple[Cut, float]:
     """As few octaves as leave out no more than `tail` of the range, and how much they leave out: the range is 2."""
     shown = visible(p, lattice)

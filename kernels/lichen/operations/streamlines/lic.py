@@ -131,7 +131,9 @@ def by_pixels_alone(p: Parameters, facts: InputFacts) -> str | None:
 NEAREST = Ladder(STEP, (0.150, 0.129, 0.127, 0.127))
 
 
-@lic.method("nearest", error=NEAREST.error, work=partial(work, 0), rates=WALKING, knob=STEP, unfit=by_pixels_alone)
+@lic.method(
+    "nearest", error=NEAREST.error, orderly=True, work=partial(work, 0), rates=WALKING, knob=STEP, unfit=by_pixels_alone
+)
 class Nearest:
     """Euler's steps through the vectors of whole pixels, reading whole texels."""
 
@@ -147,7 +149,9 @@ class Nearest:
 EULER = Ladder(STEP, (0.125, 0.111, 0.085, 0.063))
 
 
-@lic.method("euler", error=EULER.error, work=partial(work, 1), rates=SAMPLING, knob=replace(STEP, order=1))
+@lic.method(
+    "euler", error=EULER.error, orderly=True, work=partial(work, 1), rates=SAMPLING, knob=replace(STEP, order=1)
+)
 class Euler:
     """Euler's steps in the interpolated field: lines drift outwards in every bend, by half a step per radian."""
 
@@ -163,7 +167,7 @@ class Euler:
 RK2 = Ladder(STEP, (0.124, 0.092, 0.063, 0.042))
 
 
-@lic.method("rk2", error=RK2.error, work=partial(work, 2), rates=SAMPLING, knob=replace(STEP, order=2))
+@lic.method("rk2", error=RK2.error, orderly=True, work=partial(work, 2), rates=SAMPLING, knob=replace(STEP, order=2))
 class RungeKutta2:
     """The midpoint rule in the interpolated field: two vectors a step, second order."""
 
@@ -179,7 +183,7 @@ class RungeKutta2:
 RK4 = Ladder(STEP, (0.119, 0.099, 0.072, 0.048))
 
 
-@lic.method("rk4", error=RK4.error, work=partial(work, 4), rates=SAMPLING, knob=replace(STEP, order=2))
+@lic.method("rk4", error=RK4.error, orderly=True, work=partial(work, 4), rates=SAMPLING, knob=replace(STEP, order=2))
 class RungeKutta4:
     """The classical Runge-Kutta rule in the interpolated field: four vectors a step, fourth order."""
 
@@ -202,7 +206,7 @@ def adaptive_work(p: Parameters, tolerance: float, facts: InputFacts) -> float:
     return steps * predict.reads(p, facts, 8)
 
 
-@lic.method("rk45", error=RK45.error, work=adaptive_work, rates=SAMPLING, knob=TOLERANCE)
+@lic.method("rk45", error=RK45.error, orderly=True, work=adaptive_work, rates=SAMPLING, knob=TOLERANCE)
 class RungeKutta45:
     """Dormand and Prince's pair of orders 5 and 4 in the interpolated field: steps as long as their error allows, the
     texture read at equal distances along the cubics between their ends."""
@@ -241,7 +245,9 @@ def unshared(p: Parameters, facts: InputFacts) -> str | None:
     return None
 
 
-@lic.method("fastlic", error=FASTLIC.error, work=shared_work, rates=SHARING, knob=DISTANCE, unfit=unshared)
+@lic.method(
+    "fastlic", error=FASTLIC.error, orderly=True, work=shared_work, rates=SHARING, knob=DISTANCE, unfit=unshared
+)
 class FastLic:
     """The midpoint rule along lines that serve all pixels near them; means are differences of running sums."""
 
@@ -266,7 +272,7 @@ def unfixed(p: Parameters, facts: InputFacts) -> str | None:
     return "its lines go by arc length" if p.speed is Speed.FIELD else by_pixels_alone(p, facts)
 
 
-@lic.method("fixed", error=FIXED.error, work=fixed_work, rates=SAMPLING, knob=BITS, unfit=unfixed)
+@lic.method("fixed", error=FIXED.error, orderly=True, work=fixed_work, rates=SAMPLING, knob=BITS, unfit=unfixed)
 class Fixed:
     """Positions and the parts of the vectors rounded to the codes of a frame buffer, as pixel textures made it."""
 

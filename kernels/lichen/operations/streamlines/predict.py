@@ -29,6 +29,7 @@ def texture_facts(p: Parameters, facts: InputFacts) -> Facts:
 # ------------------------------------------------------------------------------------------------------------ results
 
 
+@latest
 def smeared(p: Parameters, facts: InputFacts) -> Extent:
     """Of the values before contrast and colour, in exact arithmetic."""
     extent = _sampled(p, texture_facts(p, facts).extent)
@@ -144,23 +145,32 @@ class Ladder:
 
     def error(self, p: Parameters, setting: float, facts: InputFacts) -> Error:
         """The spread of the texture, the rounding of the sums, and the RMS error that the method typically leaves."""
-        field, texture, extent = facts["field"], texture_facts(p, facts), smeared(p, facts)
-        finished = bool(p.contrast or p.enhance or p.colour is not Map.NONE)
-        kept = p.length == 0 and (field.height, field.width) == (texture.height, texture.width)
-        if not finished and (extent.spread == 0 or kept):
-            return EXACT
-        rounding = (16 * p.length + 8) * ROUNDING * (extent.spread + extent.magnitude) * p.passes
-        typical = extent.spread * self.usual(setting)
+        most, spread = largest(p, facts), smeared(p, facts).spread
+        typical = spread * self.usual(setting)
         if p.contrast:  # noise smeared over 2 length + 1 texels has a deviation of 0.29 / sqrt(2 length + 1)
-            gain = p.contrast * math.sqrt(2 * p.length + 1) / (0.29 * extent.spread or 1.0)
-            return Error(1.0 + 4 * ROUNDING, "bound", 4 * ROUNDING, min(gain * typical, 1.0))
-        return Error(extent.spread + rounding, "bound", rounding, typical)
+            gain = p.contrast * math.sqrt(2 * p.length + 1) / (0.29 * spread or 1.0)
+            typical = min(gain * typical, 1.0)
+        return most if most is EXACT else Error(most.value, most.kind, most.rounding, typical)
 
     def usual(self, setting: float) -> float:
         if setting in self.knob.values:
             return self.typical[self.knob.values.index(setting)]
         settings, typical = zip(*sorted(zip(self.knob.values, self.typical, strict=True)), strict=True)
         return float(np.interp(setting, settings, typical))
+
+
+@latest
+def largest(p: Parameters, facts: InputFacts) -> Error:
+    """Of any method: the spread of what is smeared, and the rounding of the sums."""
+    field, texture, extent = facts["field"], texture_facts(p, facts), smeared(p, facts)
+    finished = bool(p.contrast or p.enhance or p.colour is not Map.NONE)
+    kept = p.length == 0 and (field.height, field.width) == (texture.height, texture.width)
+    if not finished and (extent.spread == 0 or kept):
+        return EXACT
+    rounding = (16 * p.length + 8) * ROUNDING * (extent.spread + extent.magnitude) * p.passes
+    if p.contrast:
+        return Error(1.0 + 4 * ROUNDING, "bound", 4 * ROUNDING)
+    return Error(extent.spread + rounding, "bound", rounding)
 
 
 def pictures(p: Parameters) -> int:

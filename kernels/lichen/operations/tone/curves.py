@@ -256,10 +256,10 @@ class Form:
             toe = self.toe_scale * (1.0 if self.toe == "linear" else 2 * min(far, self.knee))
             steepest = min(far, pq_ceiling_signal()) if self.body == "pq_decode" else far  # beyond it PQ is flat
             return change * max(toe, float(self.slope(steepest)) if far >= self.knee else 0.0) + jump
-        if near > 0:
-            return float(self.magnitude(near + change) - self.magnitude(near)) + jump
         # Concave on both sides of zero, so the steepest stretch lies symmetrically around it.
-        return 2 * float(self.magnitude(change / 2) - self.magnitude(0)) + jump
+        times, begin, end = (1, near, near + change) if near > 0 else (2, 0.0, change / 2)
+        below, above = self.magnitude((begin, end)).tolist()
+        return float(times * (above - below) + jump)
 
 
 def form(curve: Curve, direction: Direction, *, gamma: float, white: float, black: float) -> Form:

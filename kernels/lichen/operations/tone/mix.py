@@ -326,7 +326,7 @@ def _with_blur(method: str) -> type:
         error=error,
         work=lambda p, tail, facts: blurred.work(p.blur, tail, facts),
         rates={name: Rate(rate.start * 1.5, rate.step * 1.15) for name, rate in blurred.rates.items()},
-        knob=Knob("tail", (1e-2, 1e-4, 1e-6, 1e-7), "weight that the blur cuts off", 1e-9, 0.5),
+        knob=Knob("tail", (1e-2, 1e-4, 1e-6, 1e-7), "weight that the blur cuts off", 1e-9, 0.5, rising=False),
         unfit=unfit,
     )
     class Sharpen:

@@ -24,6 +24,7 @@ from functools import lru_cache
 import numpy as np
 
 from lichen.memory import Array, aligned
+from lichen.once import once
 from lichen.operation import ROUNDING
 
 Points = tuple[tuple[float, float], ...]
@@ -42,7 +43,7 @@ class Pieces:
     def first(self) -> tuple[float, float]:
         return float(self.coefficients[0, 0]), float(self.coefficients[0, 1])
 
-    @property
+    @once
     def range(self) -> tuple[float, float]:
         values = np.append(self.coefficients[:, 0], self.last[0])
         return float(values.min()), float(values.max())
@@ -55,7 +56,7 @@ class Pieces:
         value: Array = c[..., 0] + t * (c[..., 1] + t * (c[..., 2] + t * c[..., 3]))
         return value
 
-    @property
+    @once
     def steepest(self) -> float:
         """The largest slope: of a quadratic, at an end or at its turning point."""
         _, b, c, d = self.coefficients.T
@@ -66,7 +67,7 @@ class Pieces:
         slopes = [np.abs(b + t * (2 * c + 3 * d * t)) for t in (np.zeros_like(width), width, turn)]
         return max(float(np.max(slopes)), abs(self.last[1]))
 
-    @property
+    @once
     def terms(self) -> float:
         """The largest sum of the magnitudes of a piece's four terms: what roundings are relative to."""
         width = np.diff(self.knots)[:, np.newaxis]

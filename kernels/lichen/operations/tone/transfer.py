@@ -142,11 +142,7 @@ def _space(p: Parameters, space: Space) -> Space:
 
 
 def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
-    return _carried(p, facts["image"], error)
-
-
-@lru_cache(maxsize=KNOWN)
-def _carried(p: Parameters, image: Facts, error: float) -> float:
+    image = facts["image"]
     ends = image.extent.low, image.extent.high
     if image.alpha is Alpha.NONE:
         return shape(p).modulus(*ends, error)

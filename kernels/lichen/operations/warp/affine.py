@@ -15,6 +15,7 @@ from pydantic import Field
 
 from lichen.errors import Flaw
 from lichen.memory import Array
+from lichen.once import latest
 from lichen.operation import HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
 from lichen.operations.warp.maps import Projective
@@ -36,6 +37,7 @@ class Parameters(WarpParameters):
         return np.array([*self.matrix, (0.0, 0.0, 1.0)])
 
 
+@latest
 def map_of(p: Parameters) -> Projective:
     return Projective.of(output_to_input(p.array, inverse=p.inverse))
 

@@ -30,6 +30,7 @@ from pydantic import Field
 
 from lichen.errors import Flaw
 from lichen.memory import Array
+from lichen.once import latest
 from lichen.operation import HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases, matrices
 from lichen.operations.warp.correspondences import Fit, fit
@@ -74,6 +75,7 @@ def _fit(sources: tuple[tuple[float, float], ...], targets: tuple[tuple[float, f
     return fit(sources, targets)
 
 
+@latest
 def map_of(p: Parameters) -> Projective:
     return Projective.of(matrices.output_to_input(p.array, inverse=p.backward))
 

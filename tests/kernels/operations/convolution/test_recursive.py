@@ -123,6 +123,7 @@ def test_what_is_known_of_a_method_at_once_is_what_it_states_when_asked(name: st
     blur, facts = operation("gaussian"), {"image": Facts(64, 96, 3)}
     method = blur.methods[name]
     assert method.knob is not None
+    assert method.least is not None
     for sigma in (0.3, *np.geomspace(1, 1000, 25).tolist(), 1.5, 2.0):
         for given in ({"sigma": sigma}, {"sigma": sigma, "sigma_x": 1.0}, {"sigma": 0.0, "sigma_y": sigma}):
             parameters = blur.validate(given)
