@@ -119,7 +119,14 @@ class Image:
 
     def replace(self, **changes: Any) -> Image:
         """A copy with some fields changed; a changed `pixels` is measured again."""
-        return dataclasses.replace(self, **changes)
+        made = dataclasses.replace(self, **changes)
+        return made if "pixels" in changes else self._knowing(made)
+
+    def _knowing(self, made: Image) -> Image:
+        """`made` has the same pixels: their range need not be found again."""
+        if "extent" in vars(self):
+            vars(made)["extent"] = self.extent
+        return made
 
     def __repr__(self) -> str:
         return (
@@ -175,12 +182,7 @@ class StoredImage(Image):
 
     def floats(self) -> Image:
         """Its floats and what they mean, and no codes."""
-        return self._knowing(self.replace())
-
-    def _knowing(self, made: Image) -> Image:
-        if "extent" in vars(self):
-            vars(made)["extent"] = self.extent
-        return made
+        return self.replace()
 
     @property
     def coded(self) -> tuple[Array, Array]:
@@ -201,7 +203,8 @@ class StoredImage(Image):
 
     def replace(self, **changes: Any) -> Image:
         same = {name: getattr(self, name) for name in ("pixels", *FIELDS) if name not in changes}
-        return Image(**same, **changes)
+        made = Image(**same, **changes)
+        return made if "pixels" in changes else self._knowing(made)
 
 
 FIELDS = ("space", "alpha", "storage", "metadata", "pages")

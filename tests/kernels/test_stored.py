@@ -102,3 +102,10 @@ def test_a_device_whose_items_step_together_gets_floats(method: str, monkeypatch
     monkeypatch.setattr("lichen.engine.default_device", lambda: dataclasses.replace(found, lanes=LANES))
     made = lichen.run("gaussian", known, sigma=3.0, method=method)
     np.testing.assert_allclose(made.image.pixels, plain.image.pixels, atol=1e-4)
+
+
+def test_a_copy_with_the_same_pixels_is_not_measured_again() -> None:
+    for image in (as_image(np.array([[1.0, 3.0]], np.float32)), stored(np.uint8, [])):
+        known = image.extent
+        assert vars(image.replace(space=Space.SRGB))["extent"] is known
+        assert image.replace(pixels=2 * image.pixels).extent.high == 2 * known.high

@@ -21,8 +21,10 @@ from lichen.calibration.pace import Pace
 from lichen.calibration.timing import QUICK, THOROUGH, Cell, Plan, Timing, cells
 from lichen.calibration.turns import REPEATS, Effort, timed
 from lichen.catalogue import operation, operations
+from lichen.image import Image
 from lichen.kind import kind
 from lichen.operation import Rate
+from lichen.operations.streamlines import streamlines
 
 SHORT = Plan(longest=0.002, cells=3, passes=1)
 
@@ -273,6 +275,20 @@ def test_what_a_slow_machine_takes_counts_as_it_would_be_at_its_usual_pace(monke
     found = [beside.paced(lambda: elapse(5.0 * 2)) for _ in range(9)]
     assert found[0] == pytest.approx(10.0)  # one slow run may be anything
     assert found[-1] == pytest.approx(5.0)
+
+
+def test_every_run_is_of_a_picture_that_was_never_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What an operation keeps of a picture is no part of the time that a new one takes."""
+    followed: list[object] = []
+
+    def lines(image: Image, p: object) -> list[object]:
+        followed.append(image)
+        return []
+
+    monkeypatch.setattr(streamlines, "_lines", lines)
+    for _ in range(2):
+        Cell("streamlines", 2, "direct", None, 32, 0.0).run("numpy")
+    assert len(followed) == 2
 
 
 def test_a_disturbed_run_is_made_again() -> None:

@@ -282,7 +282,7 @@ def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
     "direct",
     error=_error,
     work=lambda p, knob, facts: facts["field"].pixels * (1 + 0.01 * p.radius * p.radius),
-    rates={"opencl": Rate(1e-3, 1.5e-7), "numpy": Rate(1e-3, 3e-7)},
+    rates={"opencl": Rate(1e-3, 2e-7), "numpy": Rate(1e-2, 2.5e-7)},
 )
 class Direct:
     """Zeros of the bilinear cells in closed form, marked disc by disc."""
