@@ -254,7 +254,7 @@ def _any(p: Parameters, kind: type) -> bool:
     "exact",
     error=lambda p, knob, facts: EXACT,
     work=_work,
-    rates={"opencl": Rate(2e-4, 3e-9), "numpy": Rate(2e-2, 2e-8)},
+    rates={"opencl": Rate(2e-4, 3e-9), "numpy": Rate(1.2e-2, 2e-8)},
 )
 class Exact:
     """Rays in doubles, the result rounded once; on a device without doubles, on the host."""
