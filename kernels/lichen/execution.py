@@ -102,7 +102,8 @@ def computed(
     def observed(node: Node, inputs: Inputs, pixels: Array) -> None:
         if node.operation.finds:
             started = time.perf_counter()
-            findings[node.name] = node.operation.find(inputs, node.parameters, pixels, device)
+            with np.errstate(all="ignore"):  # as where the pixels were made
+                findings[node.name] = node.operation.find(inputs, node.parameters, pixels, device)
             timing["findings"] = timing.get("findings", 0.0) + time.perf_counter() - started
 
     return walk(plan.graph, sources, timed, observed), findings

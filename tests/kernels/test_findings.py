@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -147,3 +148,10 @@ def test_operations_take_one_picture() -> None:
         lichen.run("gaussian", strip(), sigma=1)
     assert caught.value.flaws[0].detail == "must be one picture (has 3 pages)"
     assert Facts.of(strip()).pages == 3
+
+
+def test_infinities_are_no_reason_to_warn() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = lichen.run("spherical_harmonics", np.full((4, 8, 3), np.inf, np.float32), bands=5)
+    assert result.findings
