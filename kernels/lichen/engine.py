@@ -351,16 +351,16 @@ def _prepared_on(
     started = time.perf_counter()
     order = read(_backend(device))
     facts = {key: Facts.of(measured(value, device)) for key, value in order.images.items()}
-    rates, several = times.current(order.request.backend), len(order.images) > 1
-    hiding = thin(order.nodes, order.images, prune=order.request.prune) if several else {}
+    rates = times.current(order.request.backend)
+    hiding = thin(order.nodes, order.images, prune=order.request.prune)
 
     def made() -> Plan:
         order.refuse_flaws(facts)
         graph = Graph(facts, order.nodes, order.outputs, decided, order.precision, thin=hiding)
         return make_plan(graph, dataclasses.replace(order.request, rates=rates))
 
-    told = order.key and (order.key, order.precision, tuple(facts.items()), tuple(hiding.items()), decided)
-    plan = remembered(told or None, rates, made)
+    told = None if order.key is None else (order.key, tuple(facts.items()), tuple(hiding.items()), decided)
+    plan = remembered(told, rates, made)
     return Prepared(order, plan, time.perf_counter() - started, device, fallback)
 
 

@@ -119,8 +119,11 @@ class Image:
 
     def replace(self, **changes: Any) -> Image:
         """A copy with some fields changed; a changed `pixels` is measured again."""
-        made = dataclasses.replace(self, **changes)
+        made = self._changed(changes)
         return made if "pixels" in changes else self._knowing(made)
+
+    def _changed(self, changes: Mapping[str, Any]) -> Image:
+        return dataclasses.replace(self, **changes)
 
     def _knowing(self, made: Image) -> Image:
         """`made` has the same pixels: their range need not be found again."""
@@ -201,10 +204,9 @@ class StoredImage(Image):
     def channels(self) -> int:
         return int(self.codes.samples.shape[2])
 
-    def replace(self, **changes: Any) -> Image:
+    def _changed(self, changes: Mapping[str, Any]) -> Image:
         same = {name: getattr(self, name) for name in ("pixels", *FIELDS) if name not in changes}
-        made = Image(**same, **changes)
-        return made if "pixels" in changes else self._knowing(made)
+        return Image(**same, **changes)
 
 
 FIELDS = ("space", "alpha", "storage", "metadata", "pages")

@@ -217,7 +217,7 @@ def read_pipeline_order(
         raise InvalidRequest(f"The pipeline has {len(flaws)} flaw(s).", flaws)
     policed = _policed(images, Nonfinite(wish.nonfinite))
     request = dataclasses.replace(request, concatenate=pipeline.concatenate)
-    key = told(nodes, outputs, request)
+    key = told(nodes, outputs, request, precision)
     return Order("a pipeline", nodes, policed, outputs, request, precision, wish.verify, pointers=True, key=key)
 
 

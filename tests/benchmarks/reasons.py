@@ -70,11 +70,12 @@ BOUNDS: dict[str, str] = {
         "directions for each pixel, a square root and a division each, and two places with four texels around them."
     ),
     "lighting": (
-        "Arithmetic: a pixel's normal and direction are made unit, with square roots and divisions, and its highlight "
-        "is a power."
+        "Arithmetic: a pixel's normal and the ways to lamp and eye are made unit, and its highlight is that of facets: "
+        "square roots and divisions."
     ),
     "compare": (
-        "Every sample is read twice: once for the map, once for what is found beside it, which is summed in doubles."
+        "More than half of it is what is found beside the map, which is summed in doubles; the pictures are read once "
+        "more for that."
     ),
     "gamut": (
         "Two powers for each of three channels wherever one pixel of sixteen is beyond the threshold; and the "

@@ -14,7 +14,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import product
 from typing import Any
 
@@ -311,45 +311,47 @@ def _generated_keeps_the_error_it_states(operation: Operation[Any], backend: str
             assert not found.mismatched
 
 
+SIDES = ((9, 64), (40, 40), (300, 200))
+
+
+def taken(operation: Operation[Any], sides: Iterable[tuple[int, int]]) -> Iterator[tuple[Any, dict[str, Facts]]]:
+    """Parameters of examples, and facts of pictures with such heights and widths, as far as they are taken."""
+    for example in operation.examples:
+        known = typical(operation, operation.validate(example), 32).facts
+        for height, width in sides:
+            facts = {name: dataclasses.replace(each, height=height, width=width) for name, each in known.items()}
+            parameters = operation.sized(operation.validate(example), height, width)
+            if not operation.check(parameters, facts):
+                yield parameters, facts
+
+
 @pytest.mark.parametrize("operation", OPERATIONS.values(), ids=OPERATIONS)
 def test_no_error_is_less_than_what_it_is_said_to_be_at_least(operation: Operation[Any]) -> None:
     """Where more is said, a method is refused without being asked."""
-    for example in operation.examples:
-        known = typical(operation, operation.validate(example), 32).facts
-        for height, width in ((9, 64), (40, 40), (300, 200)):
-            facts = {name: dataclasses.replace(each, height=height, width=width) for name, each in known.items()}
-            parameters = operation.sized(operation.validate(example), height, width)
-            if operation.check(parameters, facts):
+    for parameters, facts in taken(operation, SIDES):
+        for method in operation.methods.values():
+            if method.least is None or method.unfit(parameters, facts) is not None:
                 continue
-            for method in operation.methods.values():
-                if method.least is None or method.unfit(parameters, facts) is not None:
-                    continue
-                for knob in method.knob.values if method.knob else (0.0,):
-                    if (least := method.least(parameters, knob, facts)) > 0:
-                        stated = method.error(parameters, knob, facts)
-                        assert least <= 1.000001 * (min(stated.value, stated.usual) - stated.rounding), (method, knob)
+            for knob in method.knob.values if method.knob else (0.0,):
+                if (least := method.least(parameters, knob, facts)) > 0:
+                    stated = method.error(parameters, knob, facts)
+                    assert least <= 1.000001 * (min(stated.value, stated.usual) - stated.rounding), (method, knob)
 
 
 @pytest.mark.parametrize("operation", OPERATIONS.values(), ids=OPERATIONS)
 def test_settings_take_more_work_and_err_less_one_after_the_other(operation: Operation[Any]) -> None:
     """Where they are said to: else a quicker setting were not looked at, or one that is accurate enough."""
-    for example in operation.examples:
-        known = typical(operation, operation.validate(example), 32).facts
-        for height, width in ((9, 64), (40, 40), (300, 64), (300, 200), (1400, 2000)):
-            facts = {name: dataclasses.replace(each, height=height, width=width) for name, each in known.items()}
-            parameters = operation.sized(operation.validate(example), height, width)
-            if operation.check(parameters, facts):
+    for parameters, facts in taken(operation, (*SIDES, (300, 64), (1400, 2000))):
+        for method in operation.methods.values():
+            if method.knob is None or method.unfit(parameters, facts) is not None:
                 continue
-            for method in operation.methods.values():
-                if method.knob is None or method.unfit(parameters, facts) is not None:
-                    continue
-                work = [method.work(parameters, setting, facts) for setting in method.knob.values]
-                if method.knob.rising:
-                    assert work == sorted(work), (method.name, example)
-                if method.lightest is not None:
-                    for at, setting in enumerate(method.knob.values):
-                        assert method.lightest(parameters, setting, facts) <= min(work[at:]), (method.name, example)
-                if method.orderly:
-                    stated = [method.error(parameters, setting, facts) for setting in method.knob.values]
-                    apart = [min(each.value, each.usual) - each.rounding for each in stated]
-                    assert apart == sorted(apart, reverse=True), (method.name, example)
+            work = [method.work(parameters, setting, facts) for setting in method.knob.values]
+            if method.knob.rising:
+                assert work == sorted(work), (method.name, parameters)
+            if method.lightest is not None:
+                for at, setting in enumerate(method.knob.values):
+                    assert method.lightest(parameters, setting, facts) <= min(work[at:]), (method.name, parameters)
+            if method.orderly:
+                stated = [method.error(parameters, setting, facts) for setting in method.knob.values]
+                apart = [min(each.value, each.usual) - each.rounding for each in stated]
+                assert apart == sorted(apart, reverse=True), (method.name, parameters)

@@ -19,7 +19,6 @@ import math
 import os
 import platform
 import tempfile
-import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -42,12 +41,11 @@ Known = Mapping[str, list[Any]]
 """Rates of backends as JSON carries them."""
 BACKENDS = ("opencl", "numpy")
 AGAIN = 0.1
-"""Seconds after which a file is looked at anew: a look takes as long as all else that a small run is planned by."""
+"""Seconds after which a file is looked at anew; a look by every run would be felt by small ones."""
 
 _log = logging.getLogger("lichen")
 _NONE: Rates = MappingProxyType({})
 _PACKAGE = Path(__file__).resolve().parents[1]
-_lock = threading.Lock()
 _kept: dict[Path, tuple[float, tuple[int, int], Rates]] = {}
 """What was read, by file: when the file was last looked at, the date and the size that it had, and what it says."""
 _held: ContextVar[Mapping[str, Rates] | None] = ContextVar("held", default=None)
@@ -62,21 +60,15 @@ def current(backend: str) -> Rates:
         return held.get(backend, _NONE)
     path, now = path_of(backend), time.monotonic()
     kept = _kept.get(path)
-    return kept[2] if kept is not None and now - kept[0] < AGAIN else _looked(path, now)
-
-
-def _looked(path: Path, now: float) -> Rates:
-    """What the file says, which is read where it is another one than before."""
+    if kept is not None and now - kept[0] < AGAIN:
+        return kept[2]
     try:
         found = path.stat()
     except OSError:
         return _NONE
     stamp = (found.st_mtime_ns, found.st_size)
-    with _lock:
-        kept = _kept.get(path)
     rates = kept[2] if kept is not None and kept[1] == stamp else _read(path)
-    with _lock:
-        _kept[path] = (now, stamp, rates)
+    _kept[path] = (now, stamp, rates)
     return rates
 
 

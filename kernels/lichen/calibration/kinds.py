@@ -7,8 +7,8 @@ operation, method and kind (`lichen.kind`), and what the tasks of `lichen.calibr
 On another machine everything takes so much more or less as the tasks do, in general. The runs of one kind tell by how
 much the constant cost and the steps of a method differ from that, but with few short runs they scatter by a quarter
 themselves; so half of what they tell, on a scale of decades, is believed. Of 200 random requests foretold after a quick
-calibration on the machine of the table that foretold 82 % within a factor of 1.5, the runs alone 78 %, the table alone
-78 %.
+calibration on the machine of the first such table that foretold 82 % within a factor of 1.5, the runs alone 78 %, the
+table alone 78 %.
 
 `lichen calibrate --kinds` writes the table from what a thorough calibration has found.
 """

@@ -23,6 +23,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
+from lichen.accuracy.precision import Precision
 from lichen.planning.graph import Node, Output, Request
 from lichen.planning.plan import Plan
 
@@ -87,7 +88,9 @@ def remembered(key: Hashable | None, rates: object, make: Callable[[], Plan]) ->
     return plan
 
 
-def told(nodes: Sequence[Node], outputs: Mapping[str, Output], request: Request) -> Hashable | None:
+def told(
+    nodes: Sequence[Node], outputs: Mapping[str, Output], request: Request, precision: Precision
+) -> Hashable | None:
     """All that a plan has of what was asked; None where telling it apart takes too much."""
     if len(nodes) > MOST_NODES:
         return None
@@ -95,7 +98,7 @@ def told(nodes: Sequence[Node], outputs: Mapping[str, Output], request: Request)
         request.backend, request.max_error, request.max_ms, request.target, request.prune, request.concatenate,
         request.max_bytes,
     )  # fmt: skip
-    return (tuple([_told(node) for node in nodes]), tuple(outputs.items()), wished)
+    return (tuple([_told(node) for node in nodes]), tuple(outputs.items()), wished, precision)
 
 
 def _told(node: Node) -> tuple[Any, ...]:
