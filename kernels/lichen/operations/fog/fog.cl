@@ -111,20 +111,64 @@ PLANE_FN float16 along(const float16 *p, global const double *restrict eye, glob
 }
 #endif
 
-// Lengths of vectors: where no square leaves the range of floats nothing need be scaled, for the same result.
-PLANE_FN float16 distance_of(vector16 v)
+// Whether all of sixteen lie between `least`, which is not below 0, and 2^120: most do, and need none of the cases of
+// infinities and of no numbers. Numbers of one sign are in the order of their bits.
+PLANE_FN bool all_plain(float16 x, float least)
 {
-    float16 square = vector_dot(v, v);
-    if (mask_all((square > 0x1p-80f) & (square < 0x1p+120f)))
-        return sqrt(square);
-    return vector_length(v);
+    int16 bits = as_int16(x), beyond = (bits - as_int(least)) | (as_int(0x1p+120f) - bits);
+    return !mask_any(beyond < 0);
+}
+
+// What comes through over distances, to points so far above the eye; `climb` is how much rays rise over their lengths.
+PLANE_FN float16 through(float16 d, float16 rise, float16 climb, bool plain, global const double *restrict n,
+                         global const float *restrict layers, int above, int below, int entries)
+{
+    float density = (float)n[4], start = (float)n[5], slope = (float)n[6], lift = (float)n[7], per_fall = (float)n[8];
+    int16 nothing = plain ? (int16)(0) : d == INFINITY;
+    float16 t;
+    if (!plain)
+        rise = nothing | (fabs(rise) == INFINITY) ? ZERO : rise;
+#if KIND == 0
+    t = num_clamp((start - d) * slope, ZERO, ONE);
+#elif KIND == 1 && !TABLE
+    t = num_exp(-(density * d));
+#elif KIND == 2 && !TABLE
+    t = density * d;
+    t = num_exp(-(t * t));
+#elif KIND <= 2
+    t = nothing ? ZERO : tabled(d * slope, layers, entries);
+#elif KIND == 3
+#if TABLE
+    float16 places = fabs(rise) * slope;
+    float16 mean = places <= (float)(entries - 1)
+        ? (rise >= 0.0f ? tabled(places, layers, entries) : tabled(places, layers + entries, entries))
+        : (rise >= 0.0f ? ((float)n[21] + (float)n[22] * (fabs(rise) - lift)) : ((float)n[23] + (float)n[24] * (fabs(rise) - lift)))
+            / fabs(rise);
+#else
+    float16 mean = mean_density(rise, layers, above, below);
+#endif
+    // A ray without an end: infinite, nothing, or a whole side of the fog on a slant.
+    float16 whole = climb > 0.0f ? (float16)((float)n[21]) : (float16)((float)n[23]);
+    float16 beyond = climb > 0.0f ? (float16)((float)n[22]) : (float16)((float)n[24]);
+    float16 endless = beyond > 0.0f ? (float16)(INFINITY) : whole / fabs(climb);
+    endless = climb == 0.0f ? (float16)((float)n[25]) : endless;
+    t = num_exp(-(density * (nothing ? endless : mean * d)));
+#else
+    float16 u = rise * per_fall, down = -u > 0.0f ? -u : ZERO;
+    float16 within = density * settled(fabs(u)) * num_exp(lift + down) * d;
+    float16 endless = climb > 0.0f ? (float16)((float)n[21]) / climb : (float16)(INFINITY);
+    t = num_exp(-(nothing ? endless : within));
+#endif
+    if (!plain)
+        t = d == d ? t : d;
+#if KEEP
+    t = nothing ? ONE : t;
+#endif
+    return t;
 }
 
 // What is seen of a colour of which `t` comes through: no light, however much there is, where nothing does.
-PLANE_FN float16 dimmed(float16 v, float16 t, bool clear)
-{
-    return clear ? t * v : ((t == 0.0f) & (fabs(v) == INFINITY) ? ZERO : t * v);
-}
+PLANE_FN float16 dimmed(float16 v, float16 t) { return (t == 0.0f) & (fabs(v) == INFINITY) ? ZERO : t * v; }
 
 kernel void fog(global const float *restrict image, global const float *restrict where,
                 global const float *restrict emissive, global float *restrict out, global const double *restrict n,
@@ -135,7 +179,6 @@ kernel void fog(global const float *restrict image, global const float *restrict
     int per_row = (width + span - 1) / span, row = (int)get_global_id(0) / per_row;
     if (row >= height)
         return;
-    float density = (float)n[4], start = (float)n[5], slope = (float)n[6], lift = (float)n[7], per_fall = (float)n[8];
 #if POSITION
     float eye[6];
     for (int c = 0; c < 3; c++) {
@@ -155,8 +198,13 @@ kernel void fog(global const float *restrict image, global const float *restrict
         planes_load(where + first * 3, 3, 3, count, p);
         // Relative to the eye, which is given in two parts: what is near it keeps all digits.
         float16 px = (p[0] - eye[0]) - eye[3], py = (p[1] - eye[1]) - eye[4], pz = (p[2] - eye[2]) - eye[5];
-        float16 d = distance_of(vector(px, py, pz)), rise = ZERO, climb = ZERO;
-        d = ((p[0] != p[0]) | (p[1] != p[1]) | (p[2] != p[2])) ? (float16)(NAN) : d;
+        vector16 way = vector(px, py, pz);
+        float16 square = vector_dot(way, way), d, rise = ZERO, climb = ZERO;
+        bool plain = all_plain(square, 0x1p-80f);
+        if (plain)
+            d = sqrt(square);
+        else
+            d = ((p[0] != p[0]) | (p[1] != p[1]) | (p[2] != p[2])) ? (float16)(NAN) : vector_length(way);
 #if PLANAR
         float16 z = along(p, n + 9, n + 15);
         z = z < 0.0f ? ZERO : z;
@@ -176,7 +224,7 @@ kernel void fog(global const float *restrict image, global const float *restrict
         z = convert_float16(divisor <= 0.0 ? (double16)(INFINITY) : zd);
 #endif
         z = z < 0.0f ? ZERO : z;
-        float16 d = z;
+        float16 d = z, rise = ZERO, climb = ZERO;
 #if KIND >= 3 || PLANAR == (DEPTH_KIND == 1)
         double16 x = vload16(0, xs + column);
         float16 xf = convert_float16(x), slant = sqrt(xf * xf + y2);
@@ -186,49 +234,14 @@ kernel void fog(global const float *restrict image, global const float *restrict
 #endif
 #if KIND >= 3
         double16 climbs = n[12] * x + n[13] * y - n[14];
-        float16 climb = convert_float16(climbs), rise = (DEPTH_KIND == 1 ? z / slant : z) * climb;
+        climb = convert_float16(climbs);
+        rise = (DEPTH_KIND == 1 ? z / slant : z) * climb;
         climb = climb / slant;
 #endif
+        bool plain = all_plain(d, 0.0f);
 #endif
-        int16 nothing = d == INFINITY;
-        float16 t;
-#if KIND == 0
-        t = num_clamp((start - d) * slope, ZERO, ONE);
-#elif KIND == 1 && !TABLE
-        t = num_exp(-(density * d));
-#elif KIND == 2 && !TABLE
-        t = density * d;
-        t = num_exp(-(t * t));
-#elif KIND <= 2
-        t = nothing ? ZERO : tabled(d * slope, layers, entries);
-#elif KIND == 3
-        rise = nothing | (fabs(rise) == INFINITY) ? ZERO : rise;
-#if TABLE
-        float16 places = fabs(rise) * slope;
-        float16 mean = places <= (float)(entries - 1)
-            ? (rise >= 0.0f ? tabled(places, layers, entries) : tabled(places, layers + entries, entries))
-            : (rise >= 0.0f ? ((float)n[21] + (float)n[22] * (fabs(rise) - lift)) : ((float)n[23] + (float)n[24] * (fabs(rise) - lift)))
-                / fabs(rise);
-#else
-        float16 mean = mean_density(rise, layers, above, below);
-#endif
-        // A ray without an end: infinite, nothing, or a whole side of the fog on a slant.
-        float16 whole = climb > 0.0f ? (float16)((float)n[21]) : (float16)((float)n[23]);
-        float16 beyond = climb > 0.0f ? (float16)((float)n[22]) : (float16)((float)n[24]);
-        float16 endless = beyond > 0.0f ? (float16)(INFINITY) : whole / fabs(climb);
-        endless = climb == 0.0f ? (float16)((float)n[25]) : endless;
-        t = num_exp(-(density * (nothing ? endless : mean * d)));
-#else
-        rise = nothing | (fabs(rise) == INFINITY) ? ZERO : rise;
-        float16 u = rise * per_fall, down = -u > 0.0f ? -u : ZERO;
-        float16 within = density * settled(fabs(u)) * num_exp(lift + down) * d;
-        float16 endless = climb > 0.0f ? (float16)((float)n[21]) / climb : (float16)(INFINITY);
-        t = num_exp(-(nothing ? endless : within));
-#endif
-        t = d == d ? t : d;
-#if KEEP
-        t = nothing ? ONE : t;
-#endif
+        float16 t = plain ? through(d, rise, climb, true, n, layers, above, below, entries)
+                          : through(d, rise, climb, false, n, layers, above, below, entries);
 #if SHINES
         float16 e = num_clamp(plane_load(emissive + first, 1, 0, count), ZERO, ONE);
         t = t + e * (ONE - t);
@@ -243,9 +256,14 @@ kernel void fog(global const float *restrict image, global const float *restrict
 #if COVERAGE
         hidden *= v[CHANNELS - 1];
 #endif
+        if (clear)
 #pragma unroll
-        for (int c = 0; c < CHANNELS - COVERAGE; c++)
-            v[c] = dimmed(v[c], t, clear) + hidden * colour[c];
+            for (int c = 0; c < CHANNELS - COVERAGE; c++)
+                v[c] = t * v[c] + hidden * colour[c];
+        else
+#pragma unroll
+            for (int c = 0; c < CHANNELS - COVERAGE; c++)
+                v[c] = dimmed(v[c], t) + hidden * colour[c];
         planes_store(v, to, CHANNELS, count);
 #else
 #if COVERAGE
@@ -255,7 +273,7 @@ kernel void fog(global const float *restrict image, global const float *restrict
 #endif
         for (int c = 0; c < CHANNELS - COVERAGE; c++) {
             float16 v = plane_load(in, CHANNELS, c, count);
-            plane_store(dimmed(v, t, clear) + hidden * colour[c], to, CHANNELS, c, count);
+            plane_store(dimmed(v, t) + hidden * colour[c], to, CHANNELS, c, count);
         }
 #endif
     }
