@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from lichen.opencl.device import Device
     from lichen.opencl.session import Held
 
-SEGMENT = 128
-"""Pixels of a work-item on a CPU, which asks for texels of all before it compares the first."""
+SPAN, SEGMENT = 1024, 128
+"""Pixels of a work-item on a CPU, and those of which it asks for all texels before it compares the first."""
 STEP = 64
-"""The same where work-items step together."""
+"""Both where work-items step together."""
 SAMPLED = 4
 
 
@@ -96,13 +96,13 @@ def launched(device: Device, inputs: Inputs, p: Parameters, stored: Stored = WHO
         "PARALLEL": int(p.light_extent is not None), "TERMS": int(p.map_kind is not MapKind.PLANAR),
         "BITS": list(Store).index(stored.kind),
     }  # fmt: skip
-    segment = SEGMENT if device.is_cpu else STEP
-    defines["SEGMENT"] = segment
+    span, segment = (SPAN, SEGMENT) if device.is_cpu else (STEP, STEP)
+    defines |= {"SPAN": span, "SEGMENT": segment}
     out_of = left_out(inputs, p.effect, 1, height, width)
     receivers = aligned(where.pixels if points else where.pixels[..., :1])
     with device.session() as session:
         session.launch(
-            "shadow/shadow.cl", "shadow", (height * -(-width // segment),),
+            "shadow/shadow.cl", "shadow", (height * -(-width // span),),
             receivers, aligned(inputs["normal"].pixels) if "normal" in inputs else receivers,
             aligned(depths.pixels[..., :1]), session.write(out),
             _numbers(device, p, depths.height, depths.width, stored),

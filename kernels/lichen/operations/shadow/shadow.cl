@@ -9,7 +9,7 @@
 //   NORMALS    1 where normals are given
 //   PARALLEL   1 for light without perspective
 //   TERMS      1 where the map holds a window's depth
-//   SEGMENT    pixels of a work-item
+//   SPAN       pixels of a work-item, which asks for the texels of SEGMENT of them before it compares the first
 //   BITS       0 as stored, 1 linear codes, 2 codes of a window's depth, 3 short floats, 4 of a reversed window's depth
 // `n` holds doubles; shadow_map.py says which.
 
@@ -316,20 +316,25 @@ kernel void shadow(global const float *restrict where, global const float *restr
                    global const double *restrict xs, global const double *restrict ys, int terms, int count, int map_width,
                    int map_height, int width, int height, global const uchar *restrict left_out)
 {
-    int per_row = (width + SEGMENT - 1) / SEGMENT, row = (int)get_global_id(0) / per_row;
+    int per_row = (width + SPAN - 1) / SPAN, row = (int)get_global_id(0) / per_row;
     if (row >= height)
         return;
-    int begin = ((int)get_global_id(0) % per_row) * SEGMENT, end = min(begin + SEGMENT, width);
+    int begin = ((int)get_global_id(0) % per_row) * SPAN, end = min(begin + SPAN, width);
     light_map map = {pixels, n, map_width, map_height};
 #if QUICK
     approximate rough = approximated(map);
     float found[3 * SEGMENT];
-    for (int column = begin; column < end; column += LANES)
-        sought(map, &rough, where + ((ulong)row * width + column) * 3, min(end - column, LANES), found + column - begin);
+    int texels[SEGMENT];
 #endif
     for (int column = begin; column < end; column += LANES) {
         int there = min(end - column, LANES);
         ulong first = (ulong)row * width + column;
+#if QUICK
+        int at = (column - begin) % SEGMENT;
+        for (int next = column; at == 0 && next < min(column + SEGMENT, end); next += LANES)
+            sought(map, &rough, where + ((ulong)row * width + next) * 3, min(end - next, LANES), found + next - column,
+                   texels + next - column);
+#endif
         if (left_out && left_out[row / TILE * ((width + TILE - 1) / TILE) + column / TILE]) {
             for (int k = 0; k < there; k++)
                 out[first + k] = 0.0f;
@@ -337,7 +342,7 @@ kernel void shadow(global const float *restrict where, global const float *restr
         }
 #if QUICK
         float8 share;
-        if (settled(map, &rough, found + column - begin, where + first * 3, normals + first * 3, there, &share)) {
+        if (settled(map, &rough, found + at, texels + at, where + first * 3, normals + first * 3, there, &share)) {
             keep(share, out + first, there);
             continue;
         }
