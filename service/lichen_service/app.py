@@ -21,7 +21,8 @@ from typing import Any
 
 from lichen import catalogue
 from lichen.errors import LichenError
-from lichen.files import encode
+from lichen.files import Data, encode
+from lichen.memory import room
 from lichen_service import logs, meanings, tracing
 from lichen_service.access import signing
 from lichen_service.access.cors import Cors
@@ -133,6 +134,10 @@ class Service:
             response = _answer(request.head, partial(self._handle, request))
         assert isinstance(response, Response)
         return self._outgoing(request.head, _told(response, request.head, request.caller))
+
+    def lend(self, length: int) -> memoryview:
+        """Memory for the body of a request: of what pictures leave, whose pages are there already."""
+        return room(length)
 
     def answered(self, lines: Sequence[Mapping[str, Any]]) -> None:
         """Hears of every answer that has left, as the access log has it."""
@@ -320,7 +325,7 @@ def _let_go(error: BaseException | None) -> None:
         error = error.__cause__ or error.__context__
 
 
-def _smallest_request() -> tuple[bytes, str, tuple[tuple[str, str], ...]]:
+def _smallest_request() -> tuple[Data, str, tuple[tuple[str, str], ...]]:
     """Body, path and query of a tiny run of the first operation that reads a single image."""
     for operation in catalogue.loaded():
         made = example(operation)

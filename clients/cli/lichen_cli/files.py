@@ -13,7 +13,7 @@ from lichen_cli.main import Usage
 
 if TYPE_CHECKING:
     import lichen
-    from lichen.files import Encoded
+    from lichen.files import Data, Encoded
     from lichen.image import Image
     from lichen.operation import Operation
 
@@ -22,7 +22,7 @@ def read(path: str) -> bytes:
     return sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
 
 
-def write(path: str, data: bytes) -> None:
+def write(path: str, data: Data) -> None:
     """The whole file or none of it."""
     if path == "-":
         sys.stdout.buffer.write(data)

@@ -25,9 +25,9 @@ import numpy as np
 
 from lichen.errors import UnreadableImage, UnsupportedFormat
 from lichen.files import deflate, memory_file
-from lichen.files.format import MOST_PAGES, MOST_PARTS, Format, Header, few, take, unpack
+from lichen.files.format import MOST_PAGES, MOST_PARTS, Data, Format, Header, few, take, unpack
 from lichen.image import Alpha, Image, Space, Storage
-from lichen.memory import Array
+from lichen.memory import Array, joined
 from lichen.processors import each
 
 SIGNATURE = b"\x76\x2f\x31\x01"
@@ -209,7 +209,7 @@ def read_samples(data: memoryview, header: Header) -> Array:
 # ------------------------------------------------------------------------------------------------------- writing
 
 
-def write(samples: Array, image: Image, quality: int | None) -> bytes:
+def write(samples: Array, image: Image, quality: int | None) -> Data:
     rows, columns, channels = samples.shape
     names = _names(image)
     order = sorted(range(channels), key=lambda i: names[i].encode())
@@ -228,7 +228,7 @@ def write(samples: Array, image: Image, quality: int | None) -> bytes:
     lengths = np.array([len(block) for block in blocks], np.uint64)
     first = len(header) + 8 * len(blocks)
     offsets = np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype("<u8") + np.uint64(first)
-    return b"".join([header, offsets.astype("<u8").tobytes(), *blocks])
+    return joined([header, offsets.astype("<u8").tobytes(), *blocks])
 
 
 def _differences(plain: Array) -> Array:

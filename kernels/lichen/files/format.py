@@ -105,7 +105,7 @@ class Header:
 class Encoded:
     """A file in memory, and what the integers of its storage could not hold."""
 
-    data: bytes
+    data: Data
     media_type: str
     clipped: int = 0
     """finite samples that lay outside the storage's range and were moved to its end"""
@@ -138,7 +138,7 @@ class Format:
     """of the bytes; and of a selection (text), where the format `selects`"""
     read_samples: Callable[..., Array]
     """of the bytes and their header; and of an `Allocate`, where the format `places` its samples"""
-    write: Callable[[Array, Image, int | None], bytes]
+    write: Callable[[Array, Image, int | None], Data]
     paged: bool = False
     """whether it can hold several pictures"""
     places: bool = False

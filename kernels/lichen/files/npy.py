@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lichen.errors import UnreadableImage, UnsupportedFormat
-from lichen.files.format import Format, Header, take, unpack
+from lichen.files.format import Data, Format, Header, take, unpack
 from lichen.image import Image, Space, Storage
-from lichen.memory import Array
+from lichen.memory import Array, joined
 
 SIGNATURE = b"\x93NUMPY"
 _LONGEST = 10_000
@@ -83,13 +83,13 @@ def read_samples(data: memoryview, header: Header) -> Array:
     return samples.astype(samples.dtype.newbyteorder("="), copy=False)
 
 
-def write(samples: Array, image: Image, quality: int | None) -> bytes:
+def write(samples: Array, image: Image, quality: int | None) -> Data:
     kind = samples.dtype.newbyteorder("<")
     shape = samples.shape if image.pages == 1 else (image.pages, image.height // image.pages, *samples.shape[1:])
     text = f"{{'descr': '{kind.str}', 'fortran_order': False, 'shape': {shape}, }}".encode()
     text += b" " * (-(10 + len(text) + 1) % 64) + b"\n"
     plain = np.ascontiguousarray(samples, kind)
-    return b"".join([SIGNATURE, b"\x01\x00", struct.pack("<H", len(text)), text, plain.data.cast("B")])
+    return joined([SIGNATURE, b"\x01\x00", struct.pack("<H", len(text)), text, plain.data])
 
 
 npy = Format(

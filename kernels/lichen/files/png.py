@@ -21,9 +21,9 @@ import numpy as np
 
 from lichen.errors import UnreadableImage
 from lichen.files import deflate, icc, ifd, memory_file
-from lichen.files.format import Format, Header, few, picture_channels, take, unpack
+from lichen.files.format import Data, Format, Header, few, picture_channels, take, unpack
 from lichen.image import Alpha, Image, Space, Storage
-from lichen.memory import Array
+from lichen.memory import Array, joined
 from lichen.processors import each
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -136,7 +136,7 @@ def read_samples(data: memoryview, header: Header) -> Array:
     return memory_file.read("png", kept, header.storage.value)[0]
 
 
-def write(samples: Array, image: Image, quality: int | None) -> bytes:
+def write(samples: Array, image: Image, quality: int | None) -> Data:
     rows, columns, channels = samples.shape
     kind = {1: 0, 2: 4, 3: 2, 4: 6}[channels]
     fixed = struct.pack(">IIBBBBB", columns, rows, 8 * samples.itemsize, kind, 0, 0, 0)
@@ -155,7 +155,7 @@ def write(samples: Array, image: Image, quality: int | None) -> bytes:
             bands.append(packed)
     bands[0] = b"\x78\x01" + bands[0]
     bands[-1] += struct.pack(">I", sum_so_far)
-    return b"".join([*parts, *(_chunk(b"IDAT", band) for band in bands), _chunk(b"IEND", b"")])
+    return joined([*parts, *(piece for band in bands for piece in _pieces(b"IDAT", band)), _chunk(b"IEND", b"")])
 
 
 def _filtered(samples: Array) -> bytes:
@@ -170,10 +170,14 @@ def _filtered(samples: Array) -> bytes:
     return filtered.tobytes()
 
 
+def _pieces(name: bytes, body: bytes) -> tuple[bytes, bytes, bytes]:
+    """Of a chunk."""
+    told = struct.pack(">I", deflate.checksum(body, deflate.checksum(name)))
+    return struct.pack(">I", len(body)) + name, body, told
+
+
 def _chunk(name: bytes, body: bytes) -> bytes:
-    return b"".join(
-        [struct.pack(">I", len(body)), name, body, struct.pack(">I", deflate.checksum(body, deflate.checksum(name)))]
-    )
+    return b"".join(_pieces(name, body))
 
 
 def _colour_chunks(image: Image) -> list[bytes]:

@@ -24,6 +24,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+import numpy as np
+
 from lichen.coding import assembled, decode
 from lichen.errors import UnreadableImage, UnsupportedFormat
 from lichen.files import Data, Limits, encode, recognise
@@ -45,7 +47,9 @@ UNABLE = "The image cannot be decoded: what decodes it failed, or took too long.
 
 
 def _own(samples: Array) -> Array:
-    """A copy that no decoder writes to."""
+    """A copy that no decoder writes to; halves are never kept as they are."""
+    if samples.dtype == np.float16:
+        return samples
     own = aligned_empty(samples.shape, samples.dtype)
     own[...] = samples
     return own

@@ -272,7 +272,7 @@ class Connection:
         exchange, length = self._exchange, head.length
         largest = min(admission.largest_body, self._loop.settings.max_body)
         exchange.caller, exchange.body_started = admission.caller, time.monotonic()
-        exchange.body = ChunkedBody(largest) if length is None else FixedBody(length)
+        exchange.body = ChunkedBody(largest) if length is None else FixedBody(length, self._loop.lend)
         self.phase = Phase.BODY
         self._deadline.set(self._loop.slowest(exchange.body_started, 0))
         if exchange.waits_for_continue and self._socket.send(_CONTINUE) != len(_CONTINUE):

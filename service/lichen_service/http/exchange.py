@@ -13,14 +13,14 @@ from typing import Any
 from lichen_service.http.access_log import shown_query
 from lichen_service.http.chunked import ChunkedBody
 from lichen_service.http.finish import choose_request_id, finish
-from lichen_service.http.message import Body, Head, Response, Stream
+from lichen_service.http.message import Body, Head, Lend, Response, Stream
 from lichen_service.http.policy import RawHead, Refusal
 from lichen_service.http.target import BadTarget, split_target
 
 _MILLISECONDS = re.compile(r"[1-9][0-9]{0,8}")
 # W3C Trace Context: version, trace, parent, flags; neither of the two in the middle may be all zeros.
 _TRACE = re.compile(r"(?!ff)[0-9a-f]{2}-(?!0{32})([0-9a-f]{32})-(?!0{16})([0-9a-f]{16})-([0-9a-f]{2})")
-_OWN_PAGES = 256 * 1024
+_LENT = 256 * 1024
 _JOINED = 16 * 1024
 """bytes of a body that is sent in one piece with its head"""
 
@@ -28,13 +28,12 @@ _JOINED = 16 * 1024
 class FixedBody:
     """A body of known length, received in place.
 
-    Large ones get pages of their own from the system: aligned for zero-copy use, taken only as bytes arrive (so that
-    claiming a large body costs us nothing), and given back at once with the last view of them. Huge pages spare the
-    page faults, which otherwise cost ten times the copy.
+    Large ones get memory that is `lent`: aligned for zero-copy use, and taken only as bytes arrive, so that claiming a
+    large body costs us nothing.
     """
 
-    def __init__(self, length: int) -> None:
-        self.body = memoryview(_own_pages(length) if length >= _OWN_PAGES else bytearray(length))
+    def __init__(self, length: int, lent: Lend) -> None:
+        self.body = lent(length) if length >= _LENT else memoryview(bytearray(length))
         self.received = 0
 
     @property
@@ -177,11 +176,13 @@ class Exchange:
         return {**self.fields, **line}
 
 
-def _own_pages(length: int) -> mmap.mmap:
+def own_pages(length: int) -> memoryview:
+    """Memory of the system, given back at once with the last view of it. Huge pages spare the page faults, which
+    otherwise cost ten times the copy."""
     memory = mmap.mmap(-1, length, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
     with contextlib.suppress(AttributeError, OSError):  # a system without huge pages
         memory.madvise(mmap.MADV_HUGEPAGE)
-    return memory
+    return memoryview(memory)
 
 
 def _flat(body: Body) -> memoryview:

@@ -20,9 +20,9 @@ from http import HTTPStatus
 from lichen_service.http.access_log import AccessLog
 from lichen_service.http.connection import Connection
 from lichen_service.http.crowd import Crowd
-from lichen_service.http.exchange import Exchange
+from lichen_service.http.exchange import Exchange, own_pages
 from lichen_service.http.limits import Bounds, WireSettings
-from lichen_service.http.message import Admission, Application, Head, Request, Response
+from lichen_service.http.message import Admission, Application, Head, Lend, Request, Response
 from lichen_service.http.policy import RawHead, Refusal
 from lichen_service.http.pool import Pool
 from lichen_service.http.prompt import Known, Prompted, Prompts
@@ -96,6 +96,7 @@ class Loop:
         self.apart = apart
         self.held = 0
         self.memory = self.bounds.bodies_in_flight * settings.max_body
+        self.lend: Lend = getattr(application, "lend", own_pages)
         self._application = application
         self._pool = Pool(settings.threads)
         self.in_flight = 0

@@ -15,6 +15,8 @@ CLIENT_GONE = 499
 """The status, for the log alone, of a request whose client has hung up."""
 
 Body = bytes | bytearray | memoryview
+Lend = Callable[[int], memoryview]
+"""Memory for so many bytes of a body; uninitialised."""
 
 
 def _always() -> bool:

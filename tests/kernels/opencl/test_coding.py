@@ -40,6 +40,28 @@ def test_storing_on_the_device_is_numpys(device: Device, storage: Storage) -> No
     np.testing.assert_array_equal(on_device.quantised(device, inside, kind)[0], to_storage(inside, storage)[0])
 
 
+def test_halves_stored_on_the_device_are_numpys(device: Device) -> None:
+    """Every half, what lies half way to the next one and beside that, numbers too large, and none."""
+    every = np.arange(1 << 16, dtype=np.uint16).view(np.float16).astype(np.float32)
+    finite = np.sort(every[np.isfinite(every)])
+    between = (finite[1:] + finite[:-1]) / 2
+    odd = np.float32([np.inf, -np.inf, np.nan, 65519.99, 65520, -65520, 1e30, -1e30, -1e-8, 2.0**-25, 3e-45, -0.0])
+    near = np.concatenate([np.nextafter(between, np.float32(way)) for way in (-np.inf, np.inf)])
+    values = aligned(np.resize(np.concatenate([every, between, near, odd]), SHAPE))
+    found, expected = on_device.quantised(device, values, np.dtype(np.float16)), to_storage(values, Storage.FLOAT16)
+    np.testing.assert_array_equal(found[0], expected[0])
+    np.testing.assert_array_equal(np.signbit(found[0]), np.signbit(expected[0]))
+    assert found[1:] == expected[1:]
+    assert found[1] > 0
+
+
+def test_floats_of_halves_from_the_device_are_numpys(device: Device) -> None:
+    halves = np.resize(np.arange(1 << 16, dtype=np.uint16).view(np.float16), SHAPE)
+    found, expected = on_device.widened(device, halves), to_floats(halves)
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(np.signbit(found), np.signbit(expected))
+
+
 @pytest.mark.parametrize("storage", KINDS)
 def test_floats_from_the_device_are_numpys(device: Device, storage: Storage) -> None:
     codes = np.resize(np.arange(np.iinfo(storage.value).max + 1, dtype=storage.value), SHAPE)
