@@ -306,7 +306,6 @@ FN float8 sampled(light_map map, receiver r, float side, global const float *res
     return mask_any(~inside) ? sampled_in(map, r, places, count, 0) : sampled_in(map, r, places, count, 1);
 }
 #endif
-
 #if QUICK
 #include "settled.clh"
 #endif
@@ -323,26 +322,23 @@ kernel void shadow(global const float *restrict where, global const float *restr
     light_map map = {pixels, n, map_width, map_height};
 #if QUICK
     approximate rough = approximated(map);
-    float found[3 * SEGMENT];
-    int texels[SEGMENT];
+    sights found;
 #endif
     for (int column = begin; column < end; column += LANES) {
         int there = min(end - column, LANES);
         ulong first = (ulong)row * width + column;
 #if QUICK
         int at = (column - begin) % SEGMENT;
-        for (int next = column; at == 0 && next < min(column + SEGMENT, end); next += LANES)
-            sought(map, &rough, where + ((ulong)row * width + next) * 3, min(end - next, LANES), found + next - column,
-                   texels + next - column);
+        if (at == 0)
+            sought(map, &rough, where + first * 3, end - column, &found);
 #endif
         if (left_out && left_out[row / TILE * ((width + TILE - 1) / TILE) + column / TILE]) {
-            for (int k = 0; k < there; k++)
-                out[first + k] = 0.0f;
+            keep((float8)(0.0f), out + first, there);
             continue;
         }
 #if QUICK
         float8 share;
-        if (settled(map, &rough, found + at, texels + at, where + first * 3, normals + first * 3, there, &share)) {
+        if (settled(map, &rough, &found, at, where + first * 3, normals + first * 3, there, &share)) {
             keep(share, out + first, there);
             continue;
         }
@@ -399,7 +395,6 @@ kernel void shadow(global const float *restrict where, global const float *restr
             made = sampled(map, r, (real)n[46], places, count);
 #endif
         }
-        float8 shown = convert_float8(reaches ? made : missing);
-        keep(shown, out + first, there);
+        keep(convert_float8(reaches ? made : missing), out + first, there);
     }
 }
