@@ -26,7 +26,7 @@ from lichen.operations.warp.shown import longest
 SEGMENT = 64
 """Pixels that one work-item does; `SEGMENT` in segment.clh."""
 GROUP = (1, 16)
-ROWS = 8
+ROWS = 16
 """Rows of segments that one work-item of taps.cl does on a processor, one row of samples ahead of what it sums; where
 thousands of items run at once, they wait for one another's, and each does one."""
 ROUNDED = 1e-5
