@@ -1,5 +1,5 @@
 /* Warps that take one interpolated value for each pixel: nearest, bilinear, and kernels of 4 or 6 samples.
- * Arguments: `matrix` or `table`, whichever is not null, or `given`, a picture of places, with its numbers as
+ * Arguments: `matrix`, `table` or both, whichever is not null, or `given`, a picture of places, with its numbers as
  * `matrix`; the width of the result, its first row in the table and how many there are; the picture, and how many
  * samples were put around it; where to write. */
 
