@@ -45,10 +45,6 @@ REASONS: dict[str, str] = {
         "The place between two colours is found in doubles, and every pixel gathers and blends two of its own; the "
         "peer looks up one of 256 codes of 8 bits, and writes a quarter of the bytes."
     ),
-    "pixel_texture, linear, RGBA": (
-        "The peer's places are whole numbers with five bits of fraction; ours are scaled, turned into places and split "
-        "in floats, for every pixel."
-    ),
     "composite, over, RGBA": "Both read two pictures and write one at what memory gives; planning counts beside that.",
     "lic, rk4, step 1, 1024 px": (
         "The peer walks from pixel to pixel through constant directions, one look at the field for each; Runge-Kutta "

@@ -49,126 +49,169 @@ inline REAL looked_up(REAL x, global const REAL *restrict table, int entries)
     return value + part * (table[min(cell + 1, entries - 1)] - value);
 }
 
+// Adds a factor times a channel of `count` pixels, which lie from `in` on.
+LOOK_FN void add_channel(REAL *restrict y, REAL factor, global const float *restrict in, int k, int channels, REAL scale,
+                         REAL bias, int count)
+{
+    if (k >= channels)
+        EACH y[i] = y[i] + factor * (0 * scale + bias);
+    else if (count == SEGMENT && channels == 2)
+        EACH y[i] = y[i] + factor * ((REAL)in[i * 2 + k] * scale + bias);
+    else if (count == SEGMENT && channels == 3)
+        EACH y[i] = y[i] + factor * ((REAL)in[i * 3 + k] * scale + bias);
+    else if (count == SEGMENT && channels == 4)
+        EACH y[i] = y[i] + factor * ((REAL)in[i * 4 + k] * scale + bias);
+    else
+        EACH y[i] = y[i] + factor * ((REAL)in[min(i, count - 1) * channels + k] * scale + bias);
+}
+
 // The coordinates of `count` pixels, and behind them what divides them, if anything does.
 LOOK_FN void locate(REAL y[MOST][SEGMENT], global const float *restrict in, global const REAL *restrict n, int channels,
                     int projective, int before, int after, int count)
 {
-    global const REAL *rows = n + 2 * MOST;
-    REAL c[MOST][SEGMENT];
-    for (int k = 0; k < MOST; k++) {
-        bool used = false;
-        for (int row = 0; row < DIMENSIONS + projective; row++)
-            used |= rows[row * (MOST + 1) + k] != 0;
-        if (!used)
-            continue;
-        REAL scale = n[k], bias = n[MOST + k];
-        if (k >= channels)
-            EACH c[k][i] = 0 * scale + bias;
-        else if (count == SEGMENT && channels == 2)
-            EACH c[k][i] = (REAL)in[i * 2 + k] * scale + bias;
-        else if (count == SEGMENT && channels == 3)
-            EACH c[k][i] = (REAL)in[i * 3 + k] * scale + bias;
-        else if (count == SEGMENT && channels == 4)
-            EACH c[k][i] = (REAL)in[i * 4 + k] * scale + bias;
-        else
-            EACH c[k][i] = (REAL)in[min(i, count - 1) * channels + k] * scale + bias;
-        if (before)
-            EACH c[k][i] = looked_up(c[k][i], n + TABLES + k * before, before);
-    }
     for (int row = 0; row < DIMENSIONS + projective; row++) {
-        global const REAL *m = rows + row * (MOST + 1);
+        global const REAL *m = n + 2 * MOST + row * (MOST + 1);
         REAL added = m[MOST];
         EACH y[row][i] = added;
         for (int k = 0; k < MOST; k++) {
-            REAL factor = m[k];
-            if (factor != 0)
-                EACH y[row][i] = y[row][i] + factor * c[k][i];
+            REAL factor = m[k], scale = n[k], bias = n[MOST + k];
+            if (factor == 0)
+                continue;
+            if (!before) {
+                add_channel(y[row], factor, in, k, channels, scale, bias, count);
+                continue;
+            }
+            REAL c[SEGMENT];
+            EACH c[i] = 0;
+            add_channel(c, 1, in, k, channels, scale, bias, count);
+            EACH y[row][i] = y[row][i] + factor * looked_up(c[i], n + TABLES + k * before, before);
         }
         if (after)
             EACH y[row][i] = looked_up(y[row][i], n + TABLES + MOST * before + row * after, after);
     }
 }
 
+// Weights of texels from the fraction t of a place.
+LOOK_FN void weigh(Taps *taps, int k, int i, REAL t)
+{
+#if TAPS == 2
+    taps->w[k][0][i] = (float)(1 - t);
+    taps->w[k][1][i] = (float)t;
+#elif TAPS == 4
+    REAL half_t = (REAL)0.5 * t;
+    taps->w[k][0][i] = (float)(half_t * ((2 - t) * t - 1));
+    taps->w[k][1][i] = (float)((REAL)0.5 * (t * t * (3 * t - 5) + 2));
+    taps->w[k][2][i] = (float)(half_t * ((4 - 3 * t) * t + 1));
+    taps->w[k][3][i] = (float)(half_t * t * (t - 1));
+#endif
+}
+
+#define MIDDLE (TAPS > 1 ? (REAL)0.5 : (REAL)0)
+
+// The first texels and all weights of a segment whose pixels need no care, and whether that holds for all of them: else
+// what was written means nothing.
+LOOK_FN int split_quick(Taps *taps, int *restrict place, REAL y[MOST][SEGMENT], global const int *restrict sizes,
+                        int unit)
+{
+    int all = 1;
+    uint apart = 1;
+    for (int k = 0; k < DIMENSIONS; k++) {
+        const REAL factor = unit ? (REAL)sizes[k] : (REAL)1, low = TAPS / 4, high = sizes[k] - TAPS / 2;
+        EACH {
+            const REAL at = y[k][i] * factor - MIDDLE;
+            REAL inside = at > low ? at : low;
+            inside = inside < high ? inside : high;
+            const int left = (int)inside;
+            const REAL t = inside - (REAL)left;
+            weigh(taps, k, i, t);
+            place[i] = (int)(apart * (uint)(left - TAPS / 4) + (k ? (uint)place[i] : 0));
+            all &= TAPS > 1 ? t > 0 : (at >= low) & (at < high);
+        }
+        apart *= sizes[k];
+    }
+    return all;
+}
+
 // Texels and weights along axis k from its coordinates. What is NaN is noted, and which pixels remain `easy`: where all
-// texels lie inside, and none has weight 0.
-LOOK_FN void split(Taps *taps, int k, const REAL *restrict y, int *restrict nan, int *restrict easy, int size, int unit)
+// texels lie inside, and none has weight 0; of two, where those inside have all of the weight. A place beyond a clamped
+// end is that end itself, where there are two.
+LOOK_FN void split(Taps *taps, int k, const REAL *restrict y, int *restrict nan, int *restrict easy, int size,
+                   int border, int unit)
 {
     REAL factor = unit ? (REAL)size : (REAL)1;
+    const int ends = TAPS == 2 && border == BORDER_CLAMP;
     EACH {
         REAL u = y[i], place = u * factor;
         nan[i] |= u != u;
         place = place < -FARTHEST ? -FARTHEST : place;
         place = place > FARTHEST ? FARTHEST : place;
         place = u != u ? (REAL)0 : place;
-#if TAPS > 1
-        place = place - (REAL)0.5;
-#endif
+        place = place - MIDDLE;
+        place = ends && place < 0 ? 0 : place;
+        place = ends && place > size - 1 ? size - 1 : place;
         int cut = (int)place, left = cut - ((REAL)cut > place);
         REAL t = place - (REAL)left;
-        int cell = left - (TAPS == 4);
+        int cell = left - TAPS / 4;
         taps->cell[k][i] = cell;
-        easy[i] &= (cell >= 0) & (cell <= size - TAPS) & (u == u);
-#if TAPS == 2
-        taps->w[k][0][i] = (float)(1 - t);
-        taps->w[k][1][i] = (float)t;
-        easy[i] &= t > 0;
-#elif TAPS == 4
-        REAL half_t = (REAL)0.5 * t;
-        taps->w[k][0][i] = (float)(half_t * ((2 - t) * t - 1));
-        taps->w[k][1][i] = (float)((REAL)0.5 * (t * t * (3 * t - 5) + 2));
-        taps->w[k][2][i] = (float)(half_t * ((4 - 3 * t) * t + 1));
-        taps->w[k][3][i] = (float)(half_t * t * (t - 1));
-        easy[i] &= t > 0;
-#endif
+        weigh(taps, k, i, t);
+        easy[i] &= (cell >= 0) & (cell + (TAPS == 2 ? t > 0 : TAPS - 1) < size) & ((TAPS < 4) | (t > 0)) & (u == u);
     }
 }
 
-// The sum over an axis and those before it, where all texels lie inside: `p` is the first, two lie `step` floats apart.
-LOOK_FN T one(global const float *p, const Taps *taps, const size_t *step, int i) { return LOAD(p); }
+// The sum over an axis and those before it: `p` is the first texel, two lie `step` floats apart. `all`, a literal: all
+// texels lie inside and have a weight; else of two one of weight 0 is not read, since it may lie outside, or be NaN.
+LOOK_FN T one(global const float *p, const Taps *taps, const size_t *step, int i, const int all) { return LOAD(p); }
 #if TAPS == 1
 #define ALONG(name, axis, inner)                                                                                       \
-    LOOK_FN T name(global const float *p, const Taps *taps, const size_t *step, int i)                                 \
+    LOOK_FN T name(global const float *p, const Taps *taps, const size_t *step, int i, const int all)                  \
     {                                                                                                                  \
-        return inner(p, taps, step, i);                                                                                \
+        return inner(p, taps, step, i, all);                                                                           \
     }
 #else
 #define ALONG(name, axis, inner)                                                                                       \
-    LOOK_FN T name(global const float *p, const Taps *taps, const size_t *step, int i)                                 \
+    LOOK_FN T name(global const float *p, const Taps *taps, const size_t *step, int i, const int all)                  \
     {                                                                                                                  \
-        T sum = taps->w[axis][0][i] * inner(p, taps, step, i);                                                         \
+        const T first = inner(p, taps, step, i, all);                                                                  \
+        if (TAPS == 2 && !all && taps->w[axis][1][i] == 0.0f)                                                          \
+            return first;                                                                                              \
+        T sum = taps->w[axis][0][i] * first;                                                                           \
         for (int j = 1; j < TAPS; j++)                                                                                 \
-            sum = fma((T)(taps->w[axis][j][i]), inner(p + j * step[axis], taps, step, i), sum);                        \
+            sum = fma((T)(taps->w[axis][j][i]), inner(p + j * step[axis], taps, step, i, all), sum);                   \
         return sum;                                                                                                    \
     }
 #endif
-ALONG(sum1, 0, one)
 #if DIMENSIONS == 1
-#define SUM sum1
-#elif DIMENSIONS == 2
-#if MADE == 4 && TAPS == 2
-// Two texels beside each other are one vector.
-LOOK_FN T sum2(global const float *p, const Taps *taps, const size_t *step, int i)
+ALONG(blend, 0, one)
+#elif DIMENSIONS == 2 && TAPS == 2
+// Two texels beside each other are one vector: down comes first.
+ALONG(down, 1, one)
+ALONG(across, 0, down)
+LOOK_FN T blend(global const float *p, const Taps *taps, const size_t *step, int i, const int all)
 {
-    float8 both = fma((float8)(taps->w[1][1][i]), vload8(0, p + step[1]), taps->w[1][0][i] * vload8(0, p));
-    return fma((T)(taps->w[0][1][i]), both.hi, taps->w[0][0][i] * both.lo);
-}
-#else
-ALONG(sum2, 1, sum1)
+#if MADE == 4
+    if (all) {
+        float8 both = fma((float8)(taps->w[1][1][i]), vload8(0, p + step[1]), taps->w[1][0][i] * vload8(0, p));
+        return fma((T)(taps->w[0][1][i]), both.hi, taps->w[0][0][i] * both.lo);
+    }
 #endif
-#define SUM sum2
+    return across(p, taps, step, i, all);
+}
+#elif DIMENSIONS == 2
+ALONG(across, 0, one)
+ALONG(blend, 1, across)
 #elif DIMENSIONS == 3
-ALONG(sum2, 1, sum1)
-ALONG(sum3, 2, sum2)
-#define SUM sum3
+ALONG(across, 0, one)
+ALONG(down, 1, across)
+ALONG(blend, 2, down)
 #else
-ALONG(sum2, 1, sum1)
-ALONG(sum3, 2, sum2)
-ALONG(sum4, 3, sum3)
-#define SUM sum4
+ALONG(across, 0, one)
+ALONG(down, 1, across)
+ALONG(deep, 2, down)
+ALONG(blend, 3, deep)
 #endif
 
 // The same, called where there is little of it.
-T summed(global const float *p, const Taps *taps, const size_t *step, int i) { return SUM(p, taps, step, i); }
+T summed(global const float *p, const Taps *taps, const size_t *step, int i) { return blend(p, taps, step, i, 0); }
 
 // The sum of channel c of pixel i with care: a texel may lie beyond a border, and one of weight 0 is not read, since it
 // may be NaN. With MADE, all channels.
@@ -217,27 +260,33 @@ LOOK_FN void find(Found *found, global const float *restrict in, global const fl
     REAL y[MOST][SEGMENT];
     int *behind = found->behind, *nan = found->nan, *easy = found->easy, *place = found->place;
     locate(y, in, n, channels, projective, before, after, count);
-    EACH behind[i] = nan[i] = 0;
+    int quick = count == SEGMENT;
     if (projective) {
         const int last = DIMENSIONS < MOST ? DIMENSIONS : 0;
         EACH behind[i] = y[last][i] <= 0;
         for (int k = 0; k < DIMENSIONS; k++)
             EACH y[k][i] = y[k][i] / (behind[i] ? (REAL)1 : y[last][i]);
+        EACH quick &= !behind[i];
     }
-    EACH easy[i] = !behind[i] & (i < count);
-    for (int k = 0; k < DIMENSIONS; k++)
-        split(&found->taps, k, y[k], nan, easy, sizes[k], unit);
-    int apart = 1, quick = 1;
-    EACH place[i] = found->taps.cell[0][i];
-    for (int k = 1; k < DIMENSIONS; k++) {
-        apart *= sizes[k - 1];
-        EACH place[i] += (int)((uint)apart * (uint)found->taps.cell[k][i]);
-    }
-    EACH quick &= easy[i];
+    quick = quick && split_quick(&found->taps, place, y, sizes, unit);
     found->quick = quick;
+    if (!quick) {
+        if (!projective)
+            EACH behind[i] = 0;
+        EACH nan[i] = 0;
+        EACH easy[i] = !behind[i] & (i < count);
+        for (int k = 0; k < DIMENSIONS; k++)
+            split(&found->taps, k, y[k], nan, easy, sizes[k], sizes[MOST + k], unit);
+        int apart = 1;
+        EACH place[i] = found->taps.cell[0][i];
+        for (int k = 1; k < DIMENSIONS; k++) {
+            apart *= sizes[k - 1];
+            EACH place[i] += (int)((uint)apart * (uint)found->taps.cell[k][i]);
+        }
+    }
 #if MADE && DIMENSIONS == 2
     if (quick) {
-        global const float *last = texels + (TAPS - 1) * (step[0] + step[1]);
+        global const float *last = texels + (TAPS - 1) * step[1];
         EACH {
             stream_ask(texels + (size_t)place[i] * MADE);
             stream_ask(last + (size_t)place[i] * MADE);
@@ -260,7 +309,7 @@ kernel void lookup(global const float *restrict in, global const float *restrict
     ulong pixels = (ulong)width * height;
     float background = (float)n[28];
     size_t step[MOST];
-    step[0] = made;
+    step[0] = MADE ? MADE : made;
     for (int k = 1; k < DIMENSIONS; k++)
         step[k] = step[k - 1] * sizes[k - 1];
     Found both[2];
@@ -274,15 +323,13 @@ kernel void lookup(global const float *restrict in, global const float *restrict
         const Taps *taps = &here->taps;
         global float *to = out + ((size_t)(ahead - 1) * width + column) * made;
         const int *place = here->place;
-#if MADE
         if (here->quick) {
-            EACH {
-                const T sum = SUM(texels + (size_t)place[i] * MADE, taps, step, i);
-                STORE(sum, to + i * MADE, pixels * MADE);
+            EACH for (int c = 0; c < (MADE ? 1 : made); c++) {
+                const T value = blend(texels + place[i] * step[0] + c, taps, step, i, 1);
+                STORE(value, to + i * step[0] + c, pixels * MADE);
             }
             continue;
         }
-#endif
         for (int i = 0; i < count; i++)
             for (int c = 0; c < (MADE ? 1 : made); c++)
                 if (here->easy[i])

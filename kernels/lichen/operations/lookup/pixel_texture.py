@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
 FLOAT_MAX = float(np.finfo(np.float32).max)
-SEGMENT, GROUP, ROWS = 64, 16, 8
+SEGMENT, GROUP, ROWS = 64, 16, 16
 """Pixels of a segment, segments of a work-group, and of an item on a processor: while it sums one, texels of the next
 are on their way. Where thousands of items run at once, they wait for one another's, and each does one."""
 NARROW = 256

@@ -1,9 +1,10 @@
 """Warps on an OpenCL device: the launches of taps.cl, area.cl and layout.cl, and of the maps' own kernels.
 
 The places of a projective map are nine numbers, and the kernels of the filters find them as they go; those that a
-picture gives they read there. Those of every other map come from its own kernel, one for each operation, which writes
-them as a table for a band of rows; then the filter, one for all operations, runs over that band. Tables are also what
-filters of footprints take of a picture of places.
+picture gives they read there, and those on rays come of a direction for each column and a radius for each row. Those of
+every other map come from its own kernel, one for each operation, which writes them as a table for a band of rows; then
+the filter, one for all operations, runs over that band. Tables are also what filters of footprints take of a picture of
+places and of rays.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from lichen.operations.warp.shown import longest
 SEGMENT = 64
 """Pixels that one work-item does; `SEGMENT` in segment.clh."""
 GROUP = (1, 16)
-ROWS = 8
+ROWS = 16
 """Rows of segments that one work-item of taps.cl does on a processor, one row of samples ahead of what it sums; where
 thousands of items run at once, they wait for one another's, and each does one."""
 ROUNDED = 1e-5
@@ -45,7 +46,7 @@ def built_for(channels: int) -> dict[str, int]:
 @dataclass(frozen=True, eq=False)
 class Band:
     """The places of some rows of a result on the device: nine numbers and the corners of two parts, a picture that
-    gives them with its numbers, or tables of coordinates and of their steps."""
+    gives them with its numbers, tables of coordinates and of their steps, or the middle of rays with their table."""
 
     top: int
     rows: int
@@ -72,6 +73,15 @@ def bands(session: Session, map_: Map, width: int, height: int, *, steps: bool) 
     if isinstance(whole, Projective):
         corners = (*map_.result, *map_.source) if isinstance(map_, Windowed) else (0, 0, 0, 0)
         yield Band(0, height, width, matrix=aligned(np.array([*whole.array.reshape(-1), *corners]), np.float64))
+        return
+    rays = None if steps else map_.rays(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    if rays is not None:
+        middle, directions = np.zeros(13), np.stack([rays.cosine, rays.sine], axis=-1)
+        middle[:2] = rays.middle
+        yield Band(
+            0, height, width, matrix=aligned(middle, np.float64),
+            table=aligned(np.concatenate([directions.reshape(-1), rays.radius]), np.float64),
+        )  # fmt: skip
         return
     if recipe is None:
         yield _by_host(map_, width, height, steps)

@@ -55,6 +55,17 @@ class Recipe:
     """whether the filters that take no footprint read that picture themselves, as given.clh says"""
 
 
+class Rays(NamedTuple):
+    """Places on rays from a middle: x = middle + radius * cosine, y = middle + radius * sine."""
+
+    middle: tuple[float, float]
+    cosine: Doubles
+    """by column"""
+    sine: Doubles
+    radius: Doubles
+    """by row"""
+
+
 class Map:
     """From output coordinates to source coordinates."""
 
@@ -63,6 +74,10 @@ class Map:
 
     def recipe(self) -> Recipe | None:
         """How a device finds its places, or None where the host does."""
+        return None
+
+    def rays(self, u: Doubles, v: Doubles) -> Rays | None:
+        """The places of columns `u` and rows `v` where columns are rays and rows are circles, else None."""
         return None
 
     def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
@@ -167,6 +182,10 @@ class Windowed(Map):
     def recipe(self) -> Recipe | None:
         """That of the whole, which the device begins at the corner; places are told from the source's first pixel."""
         return None if any(self.source) else self.of.recipe()
+
+    def rays(self, u: Doubles, v: Doubles) -> Rays | None:
+        """Those of the whole, told from the source's first pixel."""
+        return None if any(self.source) else self.of.rays(u + self.result[0], v + self.result[1])
 
     def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
         x, y = self.of.at(u + self.result[0], v + self.result[1])

@@ -22,7 +22,7 @@ from pydantic import Field
 from lichen.errors import Flaw
 from lichen.operation import Degrees, HardCase, InputFacts, Inputs
 from lichen.operations.warp import cases
-from lichen.operations.warp.maps import Doubles, Map, Recipe
+from lichen.operations.warp.maps import Doubles, Map, Rays, Recipe
 from lichen.operations.warp.prediction import Size
 from lichen.operations.warp.reference import Closed
 from lichen.operations.warp.resampling import Warp, WarpParameters, declare, own_size
@@ -75,14 +75,18 @@ class Polar(Map):
 
 
 class Forward(Polar):
-    def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
+    def rays(self, u: Doubles, v: Doubles) -> Rays:
         angle = math.radians(self.p.start) + 2 * math.pi * u / self.chart[0]
         share = v / self.chart[1]
         if self.p.log:
             r = self.inner * (self.outer / self.inner) ** share
         else:
             r = self.inner + (self.outer - self.inner) * share
-        return self.middle[0] + r * np.cos(angle), self.middle[1] + r * np.sin(angle)
+        return Rays(self.middle, np.cos(angle), np.sin(angle), r)
+
+    def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
+        (x, y), cosine, sine, r = self.rays(u, v)
+        return x + r * cosine, y + r * sine
 
 
 class Inverse(Polar):

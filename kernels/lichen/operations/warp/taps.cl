@@ -1,5 +1,5 @@
 /* Warps that take one interpolated value for each pixel: nearest, bilinear, and kernels of 4 or 6 samples.
- * Arguments: `matrix` or `table`, whichever is not null, or `given`, a picture of places, with its numbers as
+ * Arguments: `matrix`, `table` or both, whichever is not null, or `given`, a picture of places, with its numbers as
  * `matrix`; the width of the result, its first row in the table and how many there are; the picture, and how many
  * samples were put around it; where to write. */
 
@@ -10,11 +10,12 @@
         int width, int top, int height, global const float *restrict pixels, int columns, int rows, int border,        \
         float value, int around, global float *restrict out, int stride, int channel
 
-/* Cells and fractions of a segment, and whether no pixel of it needs care, which is so almost everywhere: then it is
+/* Places and fractions of a segment, and whether no pixel of it needs care, which is so almost everywhere: then it is
  * sampled without a branch. */
 typedef struct {
-    int column[SEGMENT], line[SEGMENT], quick;
+    uint place[SEGMENT];
     float fx[SEGMENT], fy[SEGMENT];
+    int quick;
 } Found;
 
 /* A work-item does ROWS segments, a definition given at build time, one below the other, and finds each while the samples
@@ -29,14 +30,14 @@ typedef struct {
 #define FIND_NEXT(half_, before, taps)                                                                                 \
     if (ahead < end) {                                                                                                 \
         Found *next = found + (ahead & 1);                                                                             \
-        next->quick = find_quick(next->column, next->line, next->fx, next->fy, matrix, table, given, first,            \
-                                 top + ahead, ahead, width, half_, around, before, taps, &picture);                    \
-        if (next->quick) ask(next->column, next->line, before, taps - 1 - before, &picture);                           \
+        next->quick = find_quick(next->place, next->fx, next->fy, matrix, table, given, first, top + ahead, ahead,     \
+                                 width, half_, around, before, taps, &picture);                                        \
+        if (next->quick) ask(next->place, before, taps - 1 - before, &picture);                                        \
     }                                                                                                                  \
     if (ahead == begin) continue;                                                                                      \
     Found *here = found + (~ahead & 1);                                                                                \
     const int below = ahead - 1, row = top + below;                                                                    \
-    int *column = here->column, *line = here->line;                                                                    \
+    const uint *place = here->place;                                                                                   \
     float *fx = here->fx, *fy = here->fy;                                                                              \
     const size_t start = (size_t)row * width + first;
 
@@ -50,7 +51,7 @@ typedef struct {
 
 #define FIND                                                                                                           \
     double x[SEGMENT], y[SEGMENT];                                                                                     \
-    int seen[SEGMENT], easy[SEGMENT];                                                                                  \
+    int column[SEGMENT], line[SEGMENT], seen[SEGMENT], easy[SEGMENT];                                                  \
     if (given) {                                                                                                       \
         given_places(x, y, matrix, given, first, row);                                                                 \
     } else {                                                                                                           \
@@ -80,7 +81,7 @@ kernel void nearest(ARGUMENTS) {
     EACH_ROW {
         FIND_NEXT(0.0, 0, 1)
         if (here->quick) {
-            WRITE_ALL(LOAD(pixels + CHANNELS * ((size_t)line[i] * columns + column[i])))
+            WRITE_ALL(LOAD(pixels + CHANNELS * (size_t)place[i]))
             continue;
         }
         FIND
@@ -100,14 +101,15 @@ kernel void linear(ARGUMENTS) {
     EACH_ROW {
         FIND_NEXT(0.5, 0, 2)
         if (here->quick) {
-            WRITE_ALL(bilinear_between(pixels + line[i] * pitch + CHANNELS * column[i], pitch, fx[i], fy[i]))
+            WRITE_ALL(bilinear_between(pixels + CHANNELS * (size_t)place[i], pitch, fx[i], fy[i]))
             continue;
         }
         FIND
-        SPLIT
-        find_easy(easy, seen, column, line, fx, fy, 0, 2, &picture);
+        draw_in(x, y, &picture);
+        split_both(column, line, fx, fy, seen, x, y);
+        find_kept(easy, seen, column, line, fx, fy, &picture);
         ask_easy(easy, column, line, 0, 1, &picture);
-        WRITE(easy, bilinear_between(pixels + line[i] * pitch + CHANNELS * column[i], pitch, fx[i], fy[i]),
+        WRITE(easy, bilinear_kept(pixels + line[i] * pitch + CHANNELS * column[i], pitch, fx[i], fy[i]),
               bilinear(&picture, column[i], line[i], fx[i], fy[i]))
     }
 }
@@ -128,7 +130,7 @@ kernel void four(ARGUMENTS, int kind) {
         if (here->quick) {
             weigh4(&across, fx, kind);
             weigh4(&down, fy, kind);
-            WRITE_ALL(taps4(pixels + (line[i] - 1) * pitch + CHANNELS * (column[i] - 1), pitch, &across, &down, i))
+            WRITE_ALL(taps4(pixels + CHANNELS * (size_t)(place[i] - columns - 1), pitch, &across, &down, i))
             continue;
         }
         FIND
@@ -150,7 +152,7 @@ kernel void six(ARGUMENTS) {
         if (here->quick) {
             weigh6(&across, fx);
             weigh6(&down, fy);
-            WRITE_ALL(taps6(pixels + (line[i] - 2) * pitch + CHANNELS * (column[i] - 2), pitch, &across, &down, i))
+            WRITE_ALL(taps6(pixels + CHANNELS * (size_t)(place[i] - 2 * columns - 2), pitch, &across, &down, i))
             continue;
         }
         FIND

@@ -111,6 +111,29 @@ def test_doubles_keep_every_pixel_on_its_texel() -> None:
     assert any((each != truth).any() for each in results["single"])
 
 
+@pytest.mark.parametrize("border", [*MODES, "constant"])
+@pytest.mark.parametrize(("dimensions", "filter"), [(2, "nearest"), (2, "linear"), (2, "cubic"), (3, "linear")])
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+def test_a_pixel_is_the_same_whatever_lies_beside_it(border: str, dimensions: int, filter: str, channels: int) -> None:
+    """Where no pixel of a segment needs care they are found another way than beside one that does. Some look beyond the
+    texture, some at the middles of texels, the first and last among them, and some at holes."""
+    texture = RNG.random((4 * 24, 32, channels)).astype(np.float32)
+    texture[:, 1], texture[5::24] = np.nan, np.inf
+    places = RNG.uniform(4 / 24, 20 / 24, (12, 600, dimensions)).astype(np.float32)
+    places[:, 256::3] = RNG.uniform(-0.4, 1.4, (12, 115, dimensions))
+    places[:, 400:, 0] = np.rint(places[:, 400:, 0] * 32 - 0.5) / 32 + 0.5 / 32
+    places[6:] = places[6:, :, :1]
+    given = {"texture": texture, "dimensions": dimensions, "filter": filter, "border": border, "background": 0.3}
+    given |= {"depth": 4} if dimensions > 2 else {}
+    whole, part, plain = (
+        lichen.run("pixel_texture", some, method="exact", device=on, **given).image.pixels
+        for some, on in ((places, "opencl"), (places[:, 37:], "opencl"), (places, "numpy"))
+    )
+    np.testing.assert_array_equal(part, whole[:, 37:])
+    np.testing.assert_allclose(whole, plain, atol=2e-6, rtol=0)
+    assert 0.02 < (~np.isfinite(whole)).mean() < 0.98
+
+
 def test_flaws_are_named() -> None:
     image, texture = np.zeros((3, 3, 2)), np.zeros((3, 3, 1))
     for values, pointer in (

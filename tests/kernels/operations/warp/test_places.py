@@ -15,8 +15,9 @@ from lichen.opencl.programs import compose
 from lichen.operation import Border, Inputs
 from lichen.operations.warp import displace, launch, lens_distort, mesh, panorama, polar, remap, thin_plate
 from lichen.operations.warp.charts import SHAPE, Chart
+from lichen.operations.warp.kernels import BILINEAR, NEAREST
 from lichen.operations.warp.maps import Map, Places, Windowed
-from lichen.operations.warp.reference import Source
+from lichen.operations.warp.reference import Source, interpolate, resample
 
 
 @pytest.fixture(scope="module")
@@ -95,18 +96,27 @@ def test_places_of_a_device_are_those_of_the_definition(
     hold(device, map_, WIDE, TALL)
 
 
-@pytest.mark.parametrize(("module", "parameters"), [(displace, {"amplitude": 5}), (remap, {"units": "unit"})])
-def test_a_part_of_what_a_picture_gives_is_that_of_the_whole(
+@pytest.mark.parametrize(
+    ("module", "parameters"),
+    [
+        (displace, {"amplitude": 5}),
+        (remap, {"units": "unit"}),
+        *((polar, {"log": log, "start": 33, "inner": 2, "width": WIDE, "height": TALL}) for log in (False, True)),
+    ],
+)
+def test_a_part_of_what_filters_find_themselves_is_that_of_the_whole(
     device: Device, monkeypatch: pytest.MonkeyPatch, module: Any, parameters: Mapping[str, Any]
 ) -> None:
-    """Its places and steps, also at its edges; and the filters that read the picture themselves."""
+    """Of what a picture gives and of rays: places and steps, also at edges, and what the filters make of them."""
     picture = RANDOM.random((TALL, WIDE, 4), np.float32)
     inputs: Inputs = {"image": as_image(picture), "map": as_image(GIVEN)}
     whole = module._map(module.Parameters.model_validate(parameters), inputs)
     part, source = Windowed(whole, (37, 21), (0, 0)), Source(picture, Border.CLAMP, 0.0)
-    for kernel in ("nearest", "linear"):
-        all_of_it = launch.sampled(device, source, whole, (WIDE, TALL), kernel)
-        made = launch.sampled(device, source, part, (70, 40), kernel)
+    for kernel, name in ((NEAREST, "nearest"), (BILINEAR, "linear")):
+        all_of_it = launch.sampled(device, source, whole, (WIDE, TALL), name)
+        plain = resample(source, whole, WIDE, TALL, lambda s, at, by=kernel: interpolate(s, at.x, at.y, by))
+        np.testing.assert_allclose(all_of_it, plain, atol=1e-6, rtol=0)
+        made = launch.sampled(device, source, part, (70, 40), name)
         np.testing.assert_array_equal(made, all_of_it[21:61, 37:107])
     monkeypatch.setattr(launch, "BAND", 1)
     hold(device, part, 70, 40)

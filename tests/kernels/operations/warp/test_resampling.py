@@ -248,6 +248,37 @@ def test_places_far_from_a_mirrored_picture_show_what_numpy_finds(border: Border
     np.testing.assert_allclose(ours, plain, atol=3e-6, rtol=0)
 
 
+def turned(pixels: np.ndarray, left: int, method: str, border: Border, device: str, past: float) -> np.ndarray:
+    """A turn, its result begun `left` columns before the first. Places are whole 2048ths of a pixel and `past` more, so
+    that doubles hold them exactly wherever the result begins."""
+    across, down = (897 / 1024, 510 / 1024), (-510 / 1024, 897 / 1024)
+    rows = [[*row, start - row[0] * left + past] for row, start in zip((across, down), (-20, 30), strict=True)]
+    given = {"matrix": rows, "inverse": True, "width": 260, "height": 90, "border": border, "value": 0.3}
+    return lichen.run("affine", pixels, method=method, device=device, **given).image.pixels
+
+
+@pytest.mark.parametrize("border", list(Border))
+@pytest.mark.parametrize("channels", [1, 4])
+@pytest.mark.parametrize("method", ["nearest", "bilinear", "bicubic", "lanczos3"])
+def test_a_pixel_is_the_same_whatever_lies_beside_it(border: Border, channels: int, method: str) -> None:
+    """Where no pixel of a segment needs care they are found another way than beside one that does."""
+    pixels = np.random.default_rng(9).random((90, 200, channels), dtype=np.float32)
+    whole, moved = (turned(pixels, left, method, border, "opencl", 2**-13) for left in (0, 37))
+    np.testing.assert_array_equal(moved[:, 37:], whole[:, :-37])
+    np.testing.assert_allclose(whole, turned(pixels, 0, method, border, "numpy", 2**-13), atol=2e-6, rtol=0)
+
+
+@pytest.mark.parametrize("border", list(Border))
+@pytest.mark.parametrize("channels", [1, 4])
+def test_samples_of_no_weight_are_not_used(border: Border, channels: int) -> None:
+    """Beside holes, at places on rows and columns of samples and beyond the last of them."""
+    pixels = np.random.default_rng(9).random((90, 200, channels), dtype=np.float32)
+    pixels[:, [1, 60, 198]], pixels[[1, 50, 88]] = np.nan, np.inf
+    ours, plain = (turned(pixels, 0, "bilinear", border, on, 2**-11) for on in ("opencl", "numpy"))
+    np.testing.assert_allclose(ours, plain, atol=2e-6, rtol=0)
+    assert 0.02 < (~np.isfinite(ours)).mean() < 0.98
+
+
 @pytest.mark.parametrize("border", list(Border))
 @pytest.mark.parametrize("size", [(31, 40), (9, 8), (3, 10)])
 def test_ellipses_of_all_sizes_weigh_what_they_hold(border: Border, size: tuple[int, int]) -> None:
