@@ -20,22 +20,32 @@ GAMUT_FN void turned(float16 *v, global const float *m)
         v[row] = fma(b, (float16)(m[3 * row + 2]), fma(g, (float16)(m[3 * row + 1]), r * m[3 * row]));
 }
 
-// Powers by num_pow_fast, which errs more the larger its exponent p, and the root then divides that by p.
 #if ACTION == 1
-// f(d) = t + (d - t) / (1 + u^p)^(1/p) with u = (d - t) / s, written as s (1 + u^-p)^(-1/p) where u is large.
+// f(d) = t + (d - t) / (1 + u^p)^(1/p) with u = (d - t) / s, written as s (1 + u^-p)^(-1/p) where u is large. The power
+// a of what is at most 1 has a logarithm of either sign, and the root of 1 + a, within [1/2, 1], needs no exponent.
 GAMUT_FN float16 moved(float16 d, float t, float s, float p)
 {
     float16 u = (d - t) * (1.0f / s);
-    int16 far = u > 0.0f;
+    int16 far = u > 0.0f, large = u > 1.0f;
     if (!mask_any(far))
         return d;
-    float16 w = u > 1.0f ? 1.0f / u : u;
-    w = w < 0.0f ? (float16)(0.0f) : w;
-    float16 root = num_pow_fast(1.0f + num_pow_fast(w, (float16)(p)), (float16)(-1.0f / p));
-    float16 y = fma(root * (u > 1.0f ? (float16)(1.0f) : w), (float16)(s), (float16)(t));
+    int16 bits = as_int16(u), exponent = (bits - 0x3f3504f3) >> 23;
+    float16 m = as_float16(bits - (exponent << 23)), e = convert_float16(exponent), q = (m - 1.0f) / (m + 1.0f), z = q * q;
+    float16 by = large ? (float16)(-p) : (float16)(p), share = by * fma(q * z, num_log2_tail(z), q * 0x1.715476p+1f);
+    float16 product = fma(by, e, share);
+    int16 n;
+    float16 whole = num_nearest(product, &n), a = num_exp2_core(fma(by, e, -whole) + share);
+    a = product > -126.0f ? as_float16(as_int16(a) + (n << 23)) : (float16)(0.0f);
+    int16 upper = a > 0x1.a82798p-2f; // sqrt(2) - 1
+    q = (upper ? a - 1.0f : a) / (a + (upper ? (float16)(3.0f) : (float16)(2.0f)));
+    z = q * q;
+    float16 log = fma(q * z, num_log2_tail(z), fma(q, (float16)(0x1.715476p+1f), upper ? (float16)(1.0f) : (float16)(0.0f)));
+    float16 root = num_exp2_core(fma(log, (float16)(-1.0f / p), (float16)(0.5f))) * 0x1.6a09e6p-1f;
+    float16 y = fma(root * (large ? (float16)(1.0f) : u), (float16)(s), (float16)(t));
     return far ? y : d;
 }
 #else
+// Powers by num_pow_fast, which errs more the larger its exponent p, and the root then divides that by p.
 GAMUT_FN float16 moved(float16 d, float t, float s, float p)
 {
     float16 w = (d - t) * (1.0f / s);
@@ -69,6 +79,7 @@ kernel void gamut(global const float *restrict in, global float *restrict out, g
         }
 #else
         float16 top = num_max(num_max(v[0], v[1]), v[2]), size = fabs(top);
+#pragma unroll
         for (int c = 0; c < 3; c++) {
             float16 below = top - v[c], d = below / (size == 0.0f ? (float16)(1.0f) : size);
             float16 y = fma(-moved(d, k[THRESHOLD + c], k[SCALE + c], k[POWER]), size, top);
