@@ -2,14 +2,14 @@
 // pairs of floats; colours that no line is drawn over in floats.
 //
 // WRAP: 0 clamp, 1 repeat, 2 mirror. BANDS 1: nearest entry. CONTOURS 1: lines are drawn. PAIRS 1: places in pairs of
-// floats. MADE channels of the palette; where they are four or fewer, an entry is one vector of four numbers, and how
-// far the next is from it stands behind; one like the first stands before it. `n` holds low, range, spacing, offset,
-// line width, six numbers for pairs, then the line's colour. A work-item does 64 pixels of a row: where each falls is
-// found for all of them in full vectors, then entries are fetched pixel by pixel.
+// floats; 2: and `low` is 0. MADE channels of the palette; where they are four or fewer, an entry is one vector of four
+// numbers, and how far the next is from it stands behind; one like the first stands before it. `n` holds low, range,
+// spacing, offset, line width, six numbers for pairs, then the line's colour. A work-item does 64 pixels of a row: where
+// each falls is found for all of them in full vectors, then entries are fetched pixel by pixel.
 //
-// What bounds it, 2048 x 2048 through three colours: instructions. Pairs of floats take 0.75 of what doubles do, and
-// places that cost nothing 0.6. Sixteen pixels that are put together in registers instead of in memory, where whole
-// lines were read before the last four of them had been written, made 0.79 of it.
+// What bounds it, 2048 x 2048 through three colours: instructions. Pairs of floats take 0.75 of what doubles do, from 0
+// on 0.67, and places that cost nothing 0.6. Sixteen pixels that are put together in registers instead of in memory,
+// where whole lines were read before the last four of them had been written, made 0.79 of it.
 
 #include "stream.clh"
 
@@ -65,9 +65,13 @@ kernel void map(global const float *restrict in, global const float *restrict pa
         float v = values[i];
         v = v < least ? least : v;
         v = v > most ? most : v;
+#if PAIRS == 1
         float off = v - low0, back = off - v, lost = (v - (off - back)) - (low0 + back) - low1;
-        float near = floor(off * scale0);
-        float rest = fma(off, scale0, -near) + fma(off, scale1, lost * scale0), whole = floor(rest);
+        float near = floor(off * scale0), rest = fma(off, scale0, -near) + fma(off, scale1, lost * scale0);
+#else
+        float near = floor(v * scale0), rest = fma(v, scale1, fma(v, scale0, -near));
+#endif
+        float whole = floor(rest);
         part[i] = rest - whole;
         whole += near;
         cell[i] = (int)(whole > -1.0f ? whole : -1.0f) * ENTRY; // NaN, too

@@ -322,7 +322,7 @@ class Exact:
         out = aligned_empty((image.height, image.width, made))
         defines: dict[str, int | float | str] = {
             "WRAP": list(Beyond).index(p.beyond), "BANDS": int(p.bands), "CONTOURS": int(p.spacing is not None),
-            "PAIRS": int(scaled is not None), "MADE": made,
+            "PAIRS": 0 if scaled is None else 1 if low else 2, "MADE": made,
         }  # fmt: skip
         with device.session() as session:
             session.launch(

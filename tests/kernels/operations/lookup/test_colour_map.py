@@ -36,7 +36,7 @@ def test_every_pixel_of_long_rows_has_its_own_colour(channels: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "ends", [(0, 1), (0.7, 0.1), (-0.3, 0.4), (1000, 1001), (3e-30, 1e-30), (-1e10, 1e20), (0.1, 0.1001)]
+    "ends", [(0, 1), (0, 0.7), (0.7, 0.1), (-0.3, 0.4), (1000, 1001), (3e-30, 1e-30), (-1e10, 1e20), (0.1, 0.1001)]
 )
 @pytest.mark.parametrize("entries", [1, 2, 16, 4096])
 def test_colours_are_right_at_the_edges_of_cells_and_beyond_the_ends(entries: int, ends: tuple[float, float]) -> None:
