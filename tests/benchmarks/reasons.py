@@ -42,8 +42,8 @@ REASONS: dict[str, str] = {
     ),
     "pyramid, one level, RGBA": "It waits for the rows of the source.",
     "colour_map, viridis": (
-        "The place between two colours is found in doubles, and every pixel gathers and blends two of its own; the "
-        "peer looks up one of 256 codes of 8 bits, and writes a quarter of the bytes."
+        "The place between two colours is found in pairs of floats, and every pixel gathers and blends two of its own; "
+        "the peer looks up one of 256 codes of 8 bits, and writes a quarter of the bytes."
     ),
     "composite, over, RGBA": "Both read two pictures and write one at what memory gives; planning counts beside that.",
     "lic, rk4, step 1, 1024 px": (
@@ -74,8 +74,8 @@ BOUNDS: dict[str, str] = {
         "more for that."
     ),
     "gamut": (
-        "Two powers for each of three channels wherever one pixel of sixteen is beyond the threshold; and the "
-        "findings, which are counted in doubles by NumPy, take as long again as the kernel or longer."
+        "Two powers for each of three channels wherever one pixel of sixteen is beyond the threshold; and the picture "
+        "is read once more for the findings, which are counted in doubles."
     ),
     "ocio": "OpenColorIO's own processor on the host, without its quick mathematics, from and into copies of blocks.",
     "difference": (
@@ -84,7 +84,11 @@ BOUNDS: dict[str, str] = {
     ),
     "pixel_texture": "Gathers: each pixel fetches texels from all over a texture, and blends them one pixel at a time.",
     "table3d": "Gathers: each pixel fetches four colours of the table, from places that differ for each.",
-    "colour_map": "Places in doubles, and two gathers of a colour for each pixel.",
+    "colour_map": (
+        "Instructions: a place in a pair of floats and a gather of two colours for each pixel, and three channels of "
+        "sixteen that are put together."
+    ),
+    "mask": "What lies around a kernel that reads all channels of a pixel and tests one: it takes as long as a copy.",
     "convert": "What lies around a kernel that reads one channel and writes three counts, and the curve of the result.",
     "deproject": "Doubles, so that points are right to the last bit: each depth and three coordinates are converted.",
 }

@@ -46,8 +46,9 @@ AGAIN = 0.1
 _log = logging.getLogger("lichen")
 _NONE: Rates = MappingProxyType({})
 _PACKAGE = Path(__file__).resolve().parents[1]
-_kept: dict[Path, tuple[float, tuple[int, int], Rates]] = {}
-"""What was read, by file: when the file was last looked at, the date and the size that it had, and what it says."""
+_kept: dict[Path, tuple[float, tuple[int, int] | None, Rates]] = {}
+"""What was read, by file: when it was last looked at, the date and the size that it had, if it was there, and what it
+says."""
 _held: ContextVar[Mapping[str, Rates] | None] = ContextVar("held", default=None)
 """By backend, in place of what is measured here."""
 
@@ -62,14 +63,19 @@ def current(backend: str) -> Rates:
     kept = _kept.get(path)
     if kept is not None and now - kept[0] < AGAIN:
         return kept[2]
+    stamp = _stamp(path)
+    rates = kept[2] if kept is not None and kept[1] == stamp else _read(path) if stamp else _NONE
+    _kept[path] = (now, stamp, rates)
+    return rates
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Date and size of a file; None where there is none."""
     try:
         found = path.stat()
     except OSError:
-        return _NONE
-    stamp = (found.st_mtime_ns, found.st_size)
-    rates = kept[2] if kept is not None and kept[1] == stamp else _read(path)
-    _kept[path] = (now, stamp, rates)
-    return rates
+        return None
+    return found.st_mtime_ns, found.st_size
 
 
 def store(backend: str, rates: Rates, pace: Sequence[float] = ()) -> Path | None:

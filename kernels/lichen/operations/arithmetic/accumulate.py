@@ -192,8 +192,8 @@ def _launched(device: Device, inputs: Inputs, p: Parameters, *, compensated: boo
     with device.session() as session:
         session.launch(
             "arithmetic/accumulate.cl", "accumulate", (-(-first.size // 16),),
-            *images, session.write(out), aligned(numbers), np.int32(len(weights)), np.uint64(first.size),
-            defines={"COMPENSATED": int(compensated)},
+            *images, session.write(out), aligned(numbers), np.uint64(first.size),
+            defines={"COMPENSATED": int(compensated), "COUNT": len(weights)},
         )  # fmt: skip
     return out
 

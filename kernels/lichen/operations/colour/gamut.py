@@ -50,7 +50,8 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.colour.gamut_cases import CASES
-from lichen.operations.colour.primaries import Adaptation, Primaries, adapt, to_xyz
+from lichen.operations.colour.gamut_outside import Outside, outside, worthwhile
+from lichen.operations.colour.primaries import Primaries, between
 from lichen.processors import each
 
 if TYPE_CHECKING:
@@ -104,14 +105,6 @@ class Parameters(OperationParameters):
             (m - t) / (((1 - t) / (m - t)) ** -p - 1) ** (1 / p)
             for t, m in zip(self.threshold, self.limit, strict=True)
         )
-
-
-@lru_cache(maxsize=64)
-def _matrices(source: Primaries, target: Primaries) -> tuple[Array, Array]:
-    """Linear RGB of the source to that of the target, and back."""
-    across = adapt(source.white, target.white, Adaptation.BRADFORD)
-    there = np.linalg.solve(to_xyz(target), across @ to_xyz(source)) if source is not target else np.eye(3)
-    return there, np.linalg.inv(there)
 
 
 def compressed(d: Array, t: float, s: float, p: float) -> Array:
@@ -175,7 +168,7 @@ def _steepest(p: Parameters) -> float:
 
 def _magnitude(p: Parameters, facts: Facts) -> float:
     """The largest value after the action, in the target's primaries."""
-    far = _gain(_matrices(p.source, p.target)[0]) * facts.extent.magnitude
+    far = _gain(between(p.source, p.target)[0]) * facts.extent.magnitude
     return min(far * (1.0 if p.action is Action.CLIP else _steepest(p)), FLOAT_MAX)
 
 
@@ -184,7 +177,7 @@ def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     image = facts["image"]
     if p.action is Action.REPORT:
         return Error(0.0, "bound")
-    there, back = _matrices(p.source, p.target)
+    there, back = between(p.source, p.target)
     far, made, turned = image.extent.magnitude, _magnitude(p, image), p.source is not p.target
     before = 5 * ROUNDING * _gain(there) * far if turned else 0.0
     if p.action is Action.CLIP:
@@ -201,7 +194,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     image = facts["image"]
     if p.action is Action.REPORT:
         return Facts(image.height, image.width, 1, extent=Extent(0.0, 1.0, 0))
-    far = _gain(_matrices(p.source, p.target)[1]) * _magnitude(p, image) + _error(p, 0.0, facts).value
+    far = _gain(between(p.source, p.target)[1]) * _magnitude(p, image) + _error(p, 0.0, facts).value
     far = max(far, image.extent.magnitude)
     low = 0.0 if p.action is Action.CLIP and p.source is p.target and image.channels == 3 else -far
     overflow = far >= FLOAT_MAX or image.extent.nonfinite
@@ -212,7 +205,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
 def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
     if p.action is Action.REPORT:
         return float(error > 0)
-    there, back = _matrices(p.source, p.target)
+    there, back = between(p.source, p.target)
     whole = max(_gain(back) * _steepest(p) * _gain(there), 1.0)
     image = facts["image"]
     if image.alpha is Alpha.NONE:
@@ -282,7 +275,7 @@ def _acted(x: Array, p: Parameters) -> Array:
 def _planes(block: Array, p: Parameters) -> list[Array]:
     """Red, green and blue of the target, float64, of pixels with those of the source."""
     planes = list(np.array(block[:, :3].T, np.float64, order="C"))
-    return planes if p.source is p.target else _planes_turned(planes, _matrices(p.source, p.target)[0])
+    return planes if p.source is p.target else _planes_turned(planes, between(p.source, p.target)[0])
 
 
 def _outside(planes: Sequence[Array], p: Parameters) -> list[Array]:
@@ -293,7 +286,7 @@ def _outside(planes: Sequence[Array], p: Parameters) -> list[Array]:
 def evaluate(image: Image, p: Parameters, dtype: type[np.floating]) -> Array:
     """The definition in `dtype`, in blocks; the report always in float64, so that every method draws the same line."""
     flat = image.pixels.reshape(-1, image.channels)
-    there, back = _matrices(p.source, p.target)
+    there, back = between(p.source, p.target)
     channels = 1 if p.action is Action.REPORT else image.channels
     out = aligned_empty((image.height, image.width, channels), dtype)
     made = out.reshape(-1, channels)
@@ -323,13 +316,33 @@ def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
     image = inputs["image"]
     flat = image.pixels.reshape(-1, image.channels)
     found = each(lambda start: _found(flat[start : start + BLOCK], p), range(0, len(flat), BLOCK))
-    *counts, outside = np.sum([count for count, _ in found], axis=0) / len(flat)
-    farthest = max(distance for _, distance in found)
+    counts = np.sum([count for count, _ in found], axis=0)
+    return _told(counts / len(flat), max(distance for _, distance in found))
+
+
+def _told(shares: Array, farthest: float) -> Mapping[str, Any]:
+    *by_channel, by_any = shares
     return {
-        "outside": float(outside),
-        "outside_by_channel": [float(share) for share in counts],
+        "outside": float(by_any),
+        "outside_by_channel": [float(share) for share in by_channel],
         "distance": farthest if farthest >= 0 else None,
     }
+
+
+def _find_on(device: Device, inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
+    image = inputs["image"]
+    if not worthwhile(device, image):
+        return findings(inputs, p, pixels)
+    found = _looked_at(device, image, p, shown=False)
+    return _told(np.array([*found.by_channel, found.by_any]) / image.pixels[..., 0].size, found.distance)
+
+
+def _looked_at(device: Device, image: Image, p: Parameters, *, shown: bool) -> Outside:
+    there = None if p.source is p.target else between(p.source, p.target)[0]
+    return outside(device, image, there, p.peak, shown=shown)
+
+
+gamut.find_on = _find_on
 
 
 def _found(block: Array, p: Parameters) -> tuple[list[int], float]:
@@ -347,7 +360,7 @@ def _launch(device: Device, image: Image, p: Parameters) -> Array:
     pixels = image.height * image.width
     source = aligned(image.pixels)
     out = aligned_empty(source.shape)
-    there, back = _matrices(p.source, p.target)
+    there, back = between(p.source, p.target)
     lasts, slopes = _ends(p)
     numbers = [*there.reshape(-1), *back.reshape(-1), p.peak or 0.0, p.power, *lasts, *slopes, *p.threshold, *p.scales]
     defines: dict[str, int | float | str] = {
@@ -374,9 +387,11 @@ class Exact:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
-        if parameters.action is Action.REPORT:
-            return Exact.numpy(inputs, parameters, knob)
-        return _launch(device, inputs["image"], parameters)
+        image = inputs["image"]
+        if parameters.action is not Action.REPORT:
+            return _launch(device, image, parameters)
+        made = _looked_at(device, image, parameters, shown=True).shown if worthwhile(device, image) else None
+        return Exact.numpy(inputs, parameters, knob) if made is None else made
 
     @staticmethod
     def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:

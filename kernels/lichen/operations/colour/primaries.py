@@ -130,3 +130,11 @@ def adapt(source: White, target: White, adaptation: Adaptation) -> Array:
     scale = (responses @ target.xyz) / (responses @ source.xyz)
     matrix: Array = np.linalg.solve(responses, scale[:, np.newaxis] * responses)
     return matrix
+
+
+@cache
+def between(source: Primaries, target: Primaries) -> tuple[Array, Array]:
+    """From linear RGB of the source to that of the target, white adapted by Bradford, and back: (3, 3) both."""
+    across = adapt(source.white, target.white, Adaptation.BRADFORD)
+    there = np.linalg.solve(to_xyz(target), across @ to_xyz(source)) if source is not target else np.eye(3)
+    return there, np.linalg.inv(there)

@@ -16,7 +16,8 @@ gradient (central differences; one-sided at the edge) and d the distance of v to
 covers min(max(line_width / 2 + 1/2 - d / g, 0), 1) of the pixel. Where nothing rises there is no line, so plateaus are
 not flooded. A NaN stays NaN, and lines beside it end.
 
-Places are computed in doubles by the definition as by the method, so that no pixel falls into another band.
+Places in bands are computed in doubles by the definition as by the method, so that no pixel falls into another one;
+between colours, where the palette ends at `low` and `high`, in pairs of floats.
 
 Sources: M. Teschner and C. Henn, Texture mapping in technical, scientific and engineering visualization, SGI 1993,
 section 3; N. Smith and S. van der Walt, A better default colormap for Matplotlib, SciPy 2015.
@@ -272,9 +273,22 @@ def _range(low: float, high: float) -> float:
 
 
 def _in_pairs(palette: Array) -> Array:
-    """Each entry and the one after it, side by side as vectors of four."""
-    wide = np.pad(palette, ((0, 1), (0, 4 - palette.shape[1])), mode="edge")
-    return aligned(np.concatenate([wide[:-1], wide[1:]], axis=1))
+    """Each entry and how far the one after it is from it, side by side as vectors of four; beyond both ends it goes on
+    as it ends."""
+    wide = np.pad(palette, ((1, 1), (0, 4 - palette.shape[1])), mode="edge")
+    with np.errstate(all="ignore"):
+        return aligned(np.concatenate([wide[:-1], wide[1:] - wide[:-1]], axis=1))
+
+
+def _scaled(low: float, span: float, steps: int) -> list[float] | None:
+    """By what places of so many steps are found in pairs of floats: the least and the largest value that counts, then
+    `low` and the steps of 1, each with what a float leaves of it. None where `low` lies far out, beside what a float
+    resolves there, or the steps do."""
+    if not 1e-25 < abs(span) < 1e25 or abs(low) * max(steps, 1) > 2**20 * abs(span):
+        return None
+    slack = 0.5 * abs(span) / max(steps, 1)
+    parts = [(float(np.float32(each)), each - float(np.float32(each))) for each in (low, steps / span)]
+    return [min(low, low + span) - slack, max(low, low + span) + slack, *parts[0], *parts[1]]
 
 
 @colour_map.truth
@@ -289,7 +303,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     rates={"opencl": Rate(3e-4, 8e-9), "numpy": Rate(2e-4, 1.6e-7)},
 )
 class Exact:
-    """Places in doubles, and colours under lines; on a device without double precision, on the host."""
+    """Places in doubles or pairs of floats, colours under lines in doubles; on a device without those, on the host."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
@@ -301,12 +315,14 @@ class Exact:
         if made <= 4:
             palette = _in_pairs(palette)
         low, high = p.ends(image.extent)
-        line = np.resize(np.array(p.line), made)
-        numbers = np.array([low, _range(low, high), p.spacing or 1.0, p.offset, p.line_width, *line])
+        line, span = np.resize(np.array(p.line), made), _range(low, high)
+        plain = p.beyond is Beyond.CLAMP and not p.bands and p.spacing is None and made <= 4
+        scaled = _scaled(low, span, entries - 1) if plain else None
+        numbers = np.array([low, span, p.spacing or 1.0, p.offset, p.line_width, *(scaled or [0.0] * 6), *line])
         out = aligned_empty((image.height, image.width, made))
         defines: dict[str, int | float | str] = {
             "WRAP": list(Beyond).index(p.beyond), "BANDS": int(p.bands), "CONTOURS": int(p.spacing is not None),
-            "MADE": made,
+            "PAIRS": 0 if scaled is None else 1 if low else 2, "MADE": made,
         }  # fmt: skip
         with device.session() as session:
             session.launch(

@@ -5,13 +5,19 @@
  * there is room: they are ranked later. Built with COVERAGE, the channels where colour is straight, else 0, and CODES and
  * ULPS, whether those are wanted.
  *
- * Vectors whose differences are all finite take the quick way, which is bound by conversions to doubles. */
+ * Blocks whose differences are all finite take the quick way. What every sample counts for is found in vectors; what a
+ * few do, those that may exceed the bound or be the most units apart, only in blocks that have one: a loop in which
+ * all that is known keeps its register. Of 2048 x 2048 RGB on two processors sums take 4.5 ms, no more than reading
+ * the pictures, codes 1.5 ms, and what is looked at again 1 ms. */
 
 #include "mask.clh"
+#include "stream.clh"
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 #define LANES 8
+#define BLOCK 64 /* samples */
+#define AHEAD 512 /* samples that are asked for before they are read */
 #define WAITING 64 /* differences that an item holds before it asks for a place among those of all */
 #define FN static inline __attribute__((always_inline))
 
@@ -65,13 +71,24 @@ FN float8 codes(float8 x, float levels)
     return y > levels ? (float8)(levels) : y;
 }
 
-/* What one in the last place of each is worth, as a factor to count by; below the smallest normal float it stays. */
-FN double8 units_in(float8 x)
+/* How many units in the last place of y lie between x and it; those of the smallest normal float and below are alike. */
+FN double units_apart(float x, float y)
 {
-    long8 exponent = convert_long8(as_uint8(x) >> 23 & 255);
-    exponent = exponent < 1 ? (long8)(1) : exponent;
-    return as_double8((150 + 1023 - exponent) << 52);
+    long exponent = max((long)(as_uint(y) >> 23 & 255), 1L);
+    return fabs((double)x - y) * as_double((150 + 1023 - exponent) << 52);
 }
+
+/* What a power of two is multiplied by for a little less than so many of its units. */
+FN float share_of(double units) { return (float)fmin(units * 0x1.ffffp-24, (double)FLT_MAX); }
+
+/* Lanes in which more units in the last place of y lie between x and it than such a share stands for. */
+FN int8 further(float8 x, float8 y, float share)
+{
+    return fabs(x - y) > share * as_float8(max(as_int8(y) & 0x7f800000, 0x00800000));
+}
+
+/* A float that no difference taken in floats falls below where the exact one is `least` or more, which is not 0. */
+FN float under(double least) { return least < 0.0 ? -1.0f : fmax((float)least * 0x1.fffffcp-1f, 0x1p-149f); }
 
 FN double most_of(double8 v)
 {
@@ -80,11 +97,30 @@ FN double most_of(double8 v)
     return b.x > b.y ? b.x : b.y;
 }
 
+/* A comparison's lanes as bits, and the place of the lowest of some. */
+FN uint bits_of(int8 lanes)
+{
+    int8 each = lanes & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
+    int4 four = each.lo | each.hi;
+    int2 two = four.lo | four.hi;
+    return two.x | two.y;
+}
+
+FN uint lowest(uint bits) { return (as_uint((float)(bits & -bits)) >> 23) - 127; }
+
 FN double sum_of(double8 v)
 {
     double4 a = v.lo + v.hi;
     double2 b = a.lo + a.hi;
     return b.x + b.y;
+}
+
+/* A difference that may be among the largest, with room for it. */
+FN void rank_one(double apart, double bound, Found *found)
+{
+    found->equal += apart == bound ? 1.0 : 0.0;
+    if (apart > bound)
+        found->high[found->waiting++] = apart;
 }
 
 /* One sample, whatever it is. */
@@ -97,9 +133,7 @@ FN void take_one(global const float *restrict image, global const float *restric
         totals->squares += apart * apart;
         totals->largest = apart > totals->largest ? apart : totals->largest;
         totals->count += 1.0;
-        found->equal += apart == bound ? 1.0 : 0.0;
-        if (apart > bound)
-            found->high[found->waiting++] = apart;
+        rank_one(apart, bound, found);
     } else
         found->mismatched += a == b || (a != a && b != b) ? 0.0 : 1.0;
     float x = image[at], y = reference[at];
@@ -115,8 +149,7 @@ FN void take_one(global const float *restrict image, global const float *restric
     }
 #endif
 #if ULPS
-    double off = fabs((double)x - y) * units_in((float8)(y)).s0;
-    found->ulps = off > found->ulps ? off : found->ulps;
+    found->ulps = fmax(found->ulps, units_apart(x, y));
 #endif
 }
 
@@ -124,56 +157,75 @@ FN void take_one(global const float *restrict image, global const float *restric
 FN void take(global const float *restrict image, global const float *restrict reference, ulong at, ulong end,
              double bound, Totals *totals, Found *found, global double *restrict high, global uint *restrict kept, uint room)
 {
-    double8 sum = 0.0, squares = 0.0, largest = 0.0, ulps = 0.0;
-    long8 equal = 0;
+    double8 sums = 0.0, squares = 0.0, largest = 0.0;
     float8 most8 = 0.0f, most16 = 0.0f;
     int8 unlike8 = 0, unlike16 = 0;
-    for (; at + LANES <= end; at += LANES) {
-        double8 apart = fabs(shown_eight(image, at) - shown_eight(reference, at));
-        if (mask_all(apart < INFINITY)) { /* then so are both sides */
+    double least = bound == 0.0 ? DBL_MIN : bound;
+    float near = under(least), share = share_of(found->ulps);
+    for (int here; at < end; at += here) {
+        here = (int)min(end - at, (ulong)BLOCK) / LANES * LANES;
+        double8 sum = 0.0, square = 0.0, most = 0.0;
+        int8 far = 0;
+        for (int i = 0; i < here; i += LANES) {
+            double8 apart = fabs(shown_eight(image, at + i) - shown_eight(reference, at + i));
             sum += apart;
-            squares = fma(apart, apart, squares);
-            largest = apart > largest ? apart : largest;
-            totals->count += LANES;
-            equal += apart == bound;
-            if (mask_any(apart > bound)) {
-                double each[LANES];
-                vstore8(apart, 0, each);
-                for (int i = 0; i < LANES; i++) {
-                    found->high[found->waiting] = each[i];
-                    found->waiting += each[i] > bound;
-                }
-            }
-#if CODES || ULPS
-            float8 x = vload8(0, image + at), y = vload8(0, reference + at);
+            square = fma(apart, apart, square);
+            most = apart > most ? apart : most;
+#if ULPS
+            far |= further(vload8(0, image + at + i), vload8(0, reference + at + i), share);
 #endif
+        }
+        if (here == 0 || !mask_all(sum < INFINITY)) { /* where it is, both sides are */
+            here = max(here, 1);
+            for (int i = 0; i < here; i++) {
+                take_one(image, reference, at + i, bound, totals, found);
+                if (found->waiting >= WAITING)
+                    hand_over(found, high, kept, room);
+            }
+            continue;
+        }
+        sums += sum;
+        squares += square;
+        largest = most > largest ? most : largest;
+        totals->count += here;
 #if CODES
+        for (int i = 0; i < here; i += LANES) {
+            stream_ask(image + at + i + AHEAD);
+            stream_ask(reference + at + i + AHEAD);
+            float8 x = vload8(0, image + at + i), y = vload8(0, reference + at + i);
             float8 steps8 = fabs(codes(x, 255.0f) - codes(y, 255.0f));
             float8 steps16 = fabs(codes(x, 65535.0f) - codes(y, 65535.0f));
             most8 = steps8 > most8 ? steps8 : most8;
             most16 = steps16 > most16 ? steps16 : most16;
             unlike8 += steps8 > 0.0f;
             unlike16 += steps16 > 0.0f;
+        }
 #endif
+        if (!mask_any(far) && !mask_any(most >= least))
+            continue;
+        for (int i = 0; i < here; i += LANES) {
+            float8 x = vload8(0, image + at + i), y = vload8(0, reference + at + i);
+            int8 lanes = COVERAGE ? (int8)(-1) : fabs(x - y) >= near;
 #if ULPS
-            double8 off = fabs(convert_double8(x) - convert_double8(y)) * units_in(y);
-            ulps = off > ulps ? off : ulps;
+            lanes |= further(x, y, share);
 #endif
-        } else
-            for (int i = 0; i < LANES; i++)
-                take_one(image, reference, at + i, bound, totals, found);
-        if (found->waiting >= WAITING)
-            hand_over(found, high, kept, room);
+            if (!mask_any(lanes))
+                continue;
+            for (uint bits = bits_of(lanes); bits; bits &= bits - 1) {
+                ulong each = at + i + lowest(bits);
+                rank_one(fabs(shown(image, each) - shown(reference, each)), bound, found);
+#if ULPS
+                found->ulps = fmax(found->ulps, units_apart(image[each], reference[each]));
+#endif
+            }
+            if (found->waiting >= WAITING)
+                hand_over(found, high, kept, room);
+        }
+        share = share_of(found->ulps);
     }
-    for (; at < end; at++)
-        take_one(image, reference, at, bound, totals, found);
-    if (found->waiting >= WAITING)
-        hand_over(found, high, kept, room);
-    totals->sum += sum_of(sum);
+    totals->sum += sum_of(sums);
     totals->squares += sum_of(squares);
     totals->largest = fmax(totals->largest, most_of(largest));
-    found->equal -= sum_of(convert_double8(equal));
-    found->ulps = fmax(found->ulps, most_of(ulps));
     found->most[0] = fmax(found->most[0], most_of(convert_double8(most8)));
     found->most[1] = fmax(found->most[1], most_of(convert_double8(most16)));
     found->unlike[0] -= sum_of(convert_double8(unlike8));

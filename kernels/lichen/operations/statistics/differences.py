@@ -77,7 +77,7 @@ def figures(device: Device, image: Image, reference: Array, margin: int, *, code
     )
     count, p999 = int(sum(counts)), None
     if count and taken <= high.size:
-        p999 = quantile(high[:taken], count, bound, int(sums[14]))
+        p999 = quantile(high[:taken], count, bound, int(sums[14]) if bound else count - taken)
     if count and p999 is None:
         p999 = whole_quantile(made, exact, image.alpha)
     return Figures(

@@ -128,6 +128,22 @@ def test_findings_are_of_the_whole_picture() -> None:
     assert found["outside_by_channel"] == pytest.approx([share, share, share])
 
 
+@pytest.mark.parametrize("channels", [3, 4, 5])
+@pytest.mark.parametrize("values", [{}, {"source": "ap1"}, {"peak": 0.9}, {"source": "bt2020", "peak": 0.30000001}])
+def test_a_device_finds_and_reports_the_same(values: dict[str, object], channels: int) -> None:
+    """Bit for bit, of colours near the wall, of any bits, of black and of nothing."""
+    near = RNG.uniform(-0.2, 1.2, (130, 131, channels)).astype(np.float32)
+    black = np.where(RNG.random(near.shape) < 0.5, 0, near).astype(np.float32)
+    black[:100] = 0
+    spoilt = near.copy()
+    spoilt[7, 40:45, :3] = [[np.nan, 1, -9], [1, np.nan, -9], [1, -9, np.nan], [np.inf, 1, -9], [-np.inf, 1, -9]]
+    bits = RNG.integers(0, 1 << 32, near.shape, dtype=np.uint32).view(np.float32)
+    for pixels in (near, black, spoilt, bits, np.full_like(near, np.nan), np.full_like(near, 0.5)):
+        made, exact = (lichen.run("gamut", pixels, action="report", device=each, **values) for each in BACKENDS)
+        assert made.findings == exact.findings
+        assert np.array_equal(made.image.pixels, exact.image.pixels)
+
+
 def test_a_peak_between_two_floats_is_stated() -> None:
     result = lichen.run("gamut", np.full((4, 4, 3), 50, np.float32), action="clip", peak=30.0000003)
     assert 0 < np.abs(result.image.pixels.astype(np.float64) - 30.0000003).max() <= result.error.value

@@ -52,6 +52,15 @@ def test_coplanar_pictures_follow_the_rule(backend: str) -> None:
 
 
 @BOTH
+@pytest.mark.parametrize("channels", [1, 2, 3, 4, 5])
+def test_one_channel_is_masked(channels: int, backend: str) -> None:
+    picture = RNG.random((5, 37, channels)).astype(np.float32)
+    for channel in range(channels):
+        found = lichen.run("mask", picture, channel=channel, device=backend).image.pixels
+        assert np.array_equal(found[..., 0], picture[..., channel] >= 0.5)
+
+
+@BOTH
 def test_masks_do_logic(backend: str) -> None:
     first, second = (np.tile(each, (3, 1))[..., None].astype(np.float32) for each in ([0, 0, 1, 1], [0, 1, 0, 1]))
     steps = {"and": ("keep", "zero"), "or": ("replace", "keep"), "xor": ("invert", "keep"), "minus": ("zero", "keep")}

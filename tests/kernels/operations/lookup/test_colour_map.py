@@ -35,6 +35,24 @@ def test_every_pixel_of_long_rows_has_its_own_colour(channels: int) -> None:
     assert np.abs(found - expected).max() < 1e-6
 
 
+@pytest.mark.parametrize(
+    "ends", [(0, 1), (0, 0.7), (0.7, 0.1), (-0.3, 0.4), (1000, 1001), (3e-30, 1e-30), (-1e10, 1e20), (0.1, 0.1001)]
+)
+@pytest.mark.parametrize("entries", [1, 2, 16, 4096])
+def test_colours_are_right_at_the_edges_of_cells_and_beyond_the_ends(entries: int, ends: tuple[float, float]) -> None:
+    """Where an entry is left for the next a place that is rounded falls on the wrong side."""
+    low, high = ends
+    edges = np.linspace(low, high, max(entries, 2)).astype(np.float32)
+    beside = [np.nextafter(edges, np.float32(to)) for to in (np.inf, -np.inf)]
+    spread = low + (high - low) * RNG.uniform(-1, 2, 4096)
+    values = np.concatenate([edges, *beside, spread, [np.nan, np.inf, -np.inf, 3e38, -3e38, 0]]).astype(np.float32)
+    given = {"palette": RNG.random((1, entries, 3)).astype(np.float32), "low": low, "high": high}
+    found = lichen.run("colour_map", values[None], device="opencl", **given)
+    exact = lichen.evaluate_truth("colour_map", values[None], **given)
+    assert np.array_equal(np.isnan(found.image.pixels), np.isnan(exact))
+    assert np.nanmax(np.abs(found.image.pixels - exact)) <= found.error.value
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_beyond_its_ends_a_palette_repeats_or_turns_back(backend: str) -> None:
     x = np.linspace(-2, 3, 41, dtype=np.float32).reshape(1, -1, 1)

@@ -160,6 +160,17 @@ def test_a_device_finds_the_same_figures(pictures: tuple[Array, Array], alpha: A
             assert made[name] == figure, name
 
 
+def test_the_most_units_apart_are_found_where_each_pixel_has_one_more() -> None:
+    """Though others are further apart; the most are amid a row."""
+    ahead = np.roll(np.arange(1 << 18, dtype=np.int32), 300).reshape(512, 512, 1)
+    exact = np.where(ahead % 2, np.float32(1.0), np.float32(0.5)).view(np.int32)
+    first, second = (exact + ahead).view(np.float32), exact.view(np.float32).copy()
+    first[200:210], second[200:210] = 1e3, 1e3 + 0.1
+    for turned in (slice(None), slice(None, None, -1)):
+        found = lichen.run("compare", first[turned, turned], reference=second[turned, turned], device="opencl").findings
+        assert found["ulps"] == (1 << 18) - 1
+
+
 def test_what_the_device_keeps_is_ranked_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Many differences that are the bound need no second pass either."""
     monkeypatch.setattr(differences, "whole_quantile", lambda *given: pytest.fail("all differences are ranked"))
