@@ -32,6 +32,7 @@ from pydantic import Field
 from lichen.errors import Flaw
 from lichen.image import Alpha, StoredImage
 from lichen.memory import Array, aligned, aligned_empty
+from lichen.once import latest
 from lichen.opencl.device import Device
 from lichen.opencl.session import Held, Session
 from lichen.operation import (
@@ -209,9 +210,15 @@ how much it shrinks."""
 
 def _least(name: str, p: Parameters, knob: float, facts: InputFacts) -> float:
     """Of the axis that is further from truth: it takes no table."""
+    return APART.get(name, 0.0) * _unlike(p, facts)
+
+
+@latest
+def _unlike(p: Parameters, facts: InputFacts) -> float:
+    """How far the methods of a request may be from truth at least, of what they are per root of how much they shrink."""
     extent, sizes = facts["image"].extent, zip(*_sizes(p, facts["image"]), strict=True)
     changed = [min(after / before, 1.0) for before, after in sizes if before != after and min(before, after) >= 8]
-    return 0.2 * APART.get(name, 0.0) * math.sqrt(max(changed, default=0.0)) * (extent.high - extent.low)
+    return 0.2 * math.sqrt(max(changed, default=0.0)) * (extent.high - extent.low)
 
 
 def error(name: str, p: Parameters, knob: float, facts: InputFacts) -> Error:
