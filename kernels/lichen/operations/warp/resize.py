@@ -215,7 +215,7 @@ def _least(name: str, p: Parameters, knob: float, facts: InputFacts) -> float:
 
 @latest
 def _unlike(p: Parameters, facts: InputFacts) -> float:
-    """How far the methods of a request may be from truth at least, of what they are per root of how much they shrink."""
+    """How far methods are from truth at least, of what they are so per root of how much they shrink."""
     extent, sizes = facts["image"].extent, zip(*_sizes(p, facts["image"]), strict=True)
     changed = [min(after / before, 1.0) for before, after in sizes if before != after and min(before, after) >= 8]
     return 0.2 * math.sqrt(max(changed, default=0.0)) * (extent.high - extent.low)
