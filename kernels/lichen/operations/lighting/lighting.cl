@@ -234,8 +234,8 @@ PLANE_FN void lit(global const float *restrict normal, global const float *restr
         if (k >= looked_at)
             light = vector((float16)(0.0f), (float16)(0.0f), (float16)(0.0f));
         float16 u = vector_dot(facing, l), diffuse = u > 0.0f ? u : u - u;
-        // Of a tile's lamps some do not reach these pixels: the most that is asked of all of them is little.
-        if (active && !spoilt && mask_all((light.x == 0.0f) | (u <= 0.0f))) {
+        // Where lamps are left out of a tile, others hardly reach these pixels: the most that is asked of all is little.
+        if (looked_at < lamps && !spoilt && mask_all((light.x == 0.0f) | (u <= 0.0f))) {
             int16 unlit = (light.x == 0.0f) & (light.y == 0.0f) & (light.z == 0.0f);
             if (mask_all(unlit | ((u <= 0.0f) & tame(light))))
                 continue;
