@@ -140,10 +140,9 @@ def _covered(before: int, after: int) -> Axis:
 
 def _sizes(p: Parameters, image: Facts) -> tuple[Size, Size]:
     """Of the whole image and of the whole result."""
-    place = place_of(p)
-    return (
-        (place.source_size, place.result_size) if place else ((image.width, image.height), size_of(p, {"image": image}))
-    )
+    if place := place_of(p):
+        return place.source_size, place.result_size
+    return (image.width, image.height), size_of(p, {"image": image})
 
 
 def made(p: Parameters, image: Facts) -> Size:
@@ -204,18 +203,12 @@ def apart(before: int, after: int, name: str, border: Border) -> tuple[float, fl
 APART: Mapping[str, float] = {
     "nearest": 0.25, "box": 0.15, "triangle": 0.14, "bicubic": 0.065, "mitchell": 0.12, "lanczos2": 0.06,
 }  # fmt: skip
-"""By method: the mean of `apart` at least along an axis that has 8 samples or more before and after, over the root of
-how much it shrinks."""
-
-
-def _least(name: str, p: Parameters, knob: float, facts: InputFacts) -> float:
-    """Of the axis that is further from truth: it takes no table."""
-    return APART.get(name, 0.0) * _unlike(p, facts)
+"""The mean of `apart` at least along an axis of 8 samples or more before and after, over the root of its shrinking."""
 
 
 @latest
 def _unlike(p: Parameters, facts: InputFacts) -> float:
-    """How far methods are from truth at least, of what they are so per root of how much they shrink."""
+    """How far methods are from truth at least, over `APART`: of the axis that is further, which takes no table."""
     extent, sizes = facts["image"].extent, zip(*_sizes(p, facts["image"]), strict=True)
     changed = [min(after / before, 1.0) for before, after in sizes if before != after and min(before, after) >= 8]
     return 0.2 * math.sqrt(max(changed, default=0.0)) * (extent.high - extent.low)
@@ -397,7 +390,7 @@ def _add(name: str, told: str) -> None:
         name,
         error=partial(error, name),
         work=partial(_work, name),
-        least=partial(_least, name),
+        least=lambda p, knob, facts: APART.get(name, 0.0) * _unlike(p, facts),
         coded=True,
         rates={"opencl": Rate(4e-4, 8e-11), "numpy": Rate(3e-4, 1.5e-9)},
     )(ByKernel)
