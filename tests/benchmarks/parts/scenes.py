@@ -3,21 +3,20 @@
 Frames of 640 x 480 (1280 x 1024 where it says so) by the methods of one operation on a device, kernels and everything
 that they need for a frame, without decoding and encoding. The frame rates beside them are those that papers and
 courses of 1998 and 1999 state for an SGI workstation, which drew one scene frame after frame, as is done here: back to
-back. Alone is a frame whose pictures have left the caches since the last. Beside both stands what a plain copy of as
-many bytes takes on all processors, half of them read and half written: no effect can be quicker for long. Whole scenes
-are rendered from buffers, pruned and with everything run, in turn.
+back, in rows of sixteen, effect after effect in several rounds. Alone is a frame whose pictures have left the caches
+since the last. Beside both stands what a plain copy of as many bytes takes on all processors, half of them read and half
+written: no effect can be quicker for long. Whole scenes are rendered from buffers, pruned and with everything run, in
+turn.
 """
 
 from __future__ import annotations
 
-import statistics
-import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
-from measuring import Copies, Turns, available, quick
+from measuring import Copies, Turns, available
 from sections import Section, bars, table
 
 import lichen
@@ -58,7 +57,7 @@ def frame(name: str, inputs: Mapping[str, Image], method: str = "exact", knob: f
     return lambda: body.opencl(device, inputs, parameters, knob), moved(inputs, made.size)
 
 
-BACK_TO_BACK = 12
+BACK_TO_BACK = 16
 """Frames that are drawn one behind the other."""
 
 
@@ -68,16 +67,15 @@ def moved(inputs: Mapping[str, Image], out: int) -> int:
     return sum(different.values()) + 4 * out
 
 
-def back_to_back(work: Callable[[], Any]) -> float:
-    """Seconds of a frame among others: the median of some rows of them."""
-    work()
-    taken = []
-    for _ in range(1 if quick() else 9):
-        began = time.perf_counter()
+def back_to_back(turns: Turns, works: Mapping[str, Callable[[], Any]]) -> dict[str, float]:
+    """Seconds of a frame among others, by name: of rows of them, each in turn with those of other effects."""
+
+    def row(work: Callable[[], Any]) -> None:
         for _ in range(BACK_TO_BACK):
             work()
-        taken.append((time.perf_counter() - began) / BACK_TO_BACK)
-    return statistics.median(taken)
+
+    taken = turns({name: partial(row, work) for name, work in works.items()})
+    return {name: figure.median / BACK_TO_BACK for name, figure in taken.items()}
 
 
 Frame = tuple[Callable[[], Any], int]
@@ -151,18 +149,20 @@ def scenes() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
 
 def sections(tell: Callable[[str], None]) -> list[Section]:
     threads = len(available())
-    turns = Turns(Copies(threads), rounds=15, longest=2.5)
+    copies = Copies(threads)
+    turns, in_rows = Turns(copies, rounds=15, longest=2.5), Turns(copies, rounds=9, longest=20.0)
+    works = {name: (work, Copies(threads, size // 8), size) for name, (work, size) in frames().items()}
+    warm = back_to_back(in_rows, {name: work for name, (work, _, _) in works.items()})
+    copied = back_to_back(in_rows, {name: copy for name, (_, copy, _) in works.items()})
     rows = []
-    for name, (work, size) in frames().items():
-        copy = Copies(threads, size // 8)
-        warm, copied = back_to_back(work), back_to_back(copy)
+    for name, (work, copy, size) in works.items():
         taken = {each: figure.median for each, figure in turns({"frame": work, "copy": copy}).items()}
-        pairs = [(warm, copied), (taken["frame"], taken["copy"])]
+        pairs = [(warm[name], copied[name]), (taken["frame"], taken["copy"])]
         cells: list[str] = []
         for seconds, plain in pairs:
             cells += [f"{1 / seconds:.0f}", f"{seconds * 1e3:.2f}", f"{plain * 1e3:.2f}"]
         rows.append([name, THEN.get(name, ""), f"{size / 1e6:.1f}", *cells])
-        tell(f"{name}: {warm * 1e3:.2f} ms back to back, {taken['frame'] * 1e3:.2f} ms alone")
+        tell(f"{name}: {warm[name] * 1e3:.2f} ms back to back, {taken['frame'] * 1e3:.2f} ms alone")
     head = ["effect", "then, frames a second", "MB", "here, frames a second", "ms", "a copy, ms"]
     found = [table("Effects", [*head, "alone, frames a second", "ms", "a copy, ms"], rows)]
     images = buffers(640, 480, "position", "normal", "albedo")
