@@ -4,9 +4,9 @@ Frames of 640 x 480 (1280 x 1024 where it says so) by the methods of one operati
 that they need for a frame, without decoding and encoding. The frame rates beside them are those that papers and
 courses of 1998 and 1999 state for an SGI workstation, which drew one scene frame after frame, as is done here: back to
 back, in rows of sixteen, effect after effect in several rounds. Alone is a frame whose pictures have left the caches
-since the last. Beside both stands what a plain copy of as many bytes takes on all processors, half of them read and half
-written: no effect can be quicker for long. Whole scenes are rendered from buffers, pruned and with everything run, in
-turn.
+since the last. Beside both stands what a plain copy of as many bytes takes on all processors, half of them read and
+half written: no effect can be quicker for long. Whole scenes are rendered from buffers, pruned and with everything run,
+in turn.
 """
 
 from __future__ import annotations
