@@ -91,8 +91,8 @@ BOUNDS: dict[str, str] = {
     "mask": "What lies around a kernel that reads all channels of a pixel and tests one: it takes as long as a copy.",
     "convert": "What lies around a kernel that reads one channel and writes three counts, and the curve of the result.",
     "quantise": (
-        "Doubles, so that all ways decide alike which level is nearest: every sample is converted there and back, four at "
-        "once."
+        "Doubles, so that all ways decide alike which level is nearest: every sample is converted there and back, four "
+        "at once."
     ),
     "disparity": "Doubles, of which four go at once, and a division for each pixel.",
     "deproject": "Doubles, so that points are right to the last bit: each depth and three coordinates are converted.",
