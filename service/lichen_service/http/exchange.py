@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import mmap
 import re
 import socket
 import time
@@ -20,7 +18,6 @@ from lichen_service.http.target import BadTarget, split_target
 _MILLISECONDS = re.compile(r"[1-9][0-9]{0,8}")
 # W3C Trace Context: version, trace, parent, flags; neither of the two in the middle may be all zeros.
 _TRACE = re.compile(r"(?!ff)[0-9a-f]{2}-(?!0{32})([0-9a-f]{32})-(?!0{16})([0-9a-f]{16})-([0-9a-f]{2})")
-_LENT = 256 * 1024
 _JOINED = 16 * 1024
 """bytes of a body that is sent in one piece with its head"""
 
@@ -28,12 +25,11 @@ _JOINED = 16 * 1024
 class FixedBody:
     """A body of known length, received in place.
 
-    Large ones get memory that is `lent`: aligned for zero-copy use, and taken only as bytes arrive, so that claiming a
-    large body costs us nothing.
+    Its memory is `lent`, and taken only as bytes arrive, so that claiming a large body costs us nothing.
     """
 
     def __init__(self, length: int, lent: Lend) -> None:
-        self.body = lent(length) if length >= _LENT else memoryview(bytearray(length))
+        self.body = lent(length)
         self.received = 0
 
     @property
@@ -174,15 +170,6 @@ class Exchange:
             line["queue_ms"] = milliseconds(self.queued, self.work_started)
             line["work_ms"] = milliseconds(self.work_started, self.work_ended)
         return {**self.fields, **line}
-
-
-def own_pages(length: int) -> memoryview:
-    """Memory of the system, given back at once with the last view of it. Huge pages spare the page faults, which
-    otherwise cost ten times the copy."""
-    memory = mmap.mmap(-1, length, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    with contextlib.suppress(AttributeError, OSError):  # a system without huge pages
-        memory.madvise(mmap.MADV_HUGEPAGE)
-    return memoryview(memory)
 
 
 def _flat(body: Body) -> memoryview:

@@ -20,7 +20,7 @@ from http import HTTPStatus
 from lichen_service.http.access_log import AccessLog
 from lichen_service.http.connection import Connection
 from lichen_service.http.crowd import Crowd
-from lichen_service.http.exchange import Exchange, own_pages
+from lichen_service.http.exchange import Exchange
 from lichen_service.http.limits import Bounds, WireSettings
 from lichen_service.http.message import Admission, Application, Head, Lend, Request, Response
 from lichen_service.http.policy import RawHead, Refusal
@@ -64,6 +64,10 @@ def _busy(detail: str, retry_after: int) -> tuple[list[bytes], dict[str, str]]:
     return bytes(made.body).split(place.encode()), made.headers
 
 
+def _fresh(length: int) -> memoryview:
+    return memoryview(bytearray(length))
+
+
 class Loop:
     """Serves `application` on a listening socket, which it closes in the end.
 
@@ -96,7 +100,7 @@ class Loop:
         self.apart = apart
         self.held = 0
         self.memory = self.bounds.bodies_in_flight * settings.max_body
-        self.lend: Lend = getattr(application, "lend", own_pages)
+        self.lend: Lend = getattr(application, "lend", _fresh)
         self._application = application
         self._pool = Pool(settings.threads)
         self.in_flight = 0

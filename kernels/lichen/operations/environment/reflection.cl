@@ -108,7 +108,7 @@ FN void segment(global const float *restrict normals, global const float *restri
 #endif
 #if BASE
     float own[COLOURS * SEGMENT];
-    fetch(own, base, COLOURS, first, last);
+    apart(own, base, COLOURS, first, last);
 #endif
     Directions outward, mirror, through;
     int empty[SEGMENT], doubt = 0;

@@ -11,7 +11,7 @@
 //   TERMS      1 where the map holds a window's depth
 //   SPAN       pixels of a work-item, which asks for the texels of SEGMENT of them before it compares the first
 //   BITS       0 as stored, 1 linear codes, 2 codes of a window's depth, 3 short floats, 4 of a reversed window's depth
-// `n` holds doubles; shadow_map.py says which.
+// `n` holds doubles; launch.py says which.
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
