@@ -355,3 +355,5 @@ def test_settings_take_more_work_and_err_less_one_after_the_other(operation: Ope
                 stated = [method.error(parameters, setting, facts) for setting in method.knob.values]
                 apart = [min(each.value, each.usual) - each.rounding for each in stated]
                 assert apart == sorted(apart, reverse=True), (method.name, parameters)
+                if method.knob.rising and work[0] == work[-1]:
+                    assert stated[-1].value == min(each.value for each in stated), (method.name, parameters)

@@ -1,9 +1,9 @@
 """What may run for a node: methods at settings of their knobs, of which the passes choose one.
 
 Most are never looked at. The quickest are asked for their errors first, and of a method that is slower at every further
-setting of its knob nothing is asked before the setting may be the quickest that is left: neither its error nor its
-work, which may take long to find. Where errors are known at once and fall from setting to setting, the first that is
-small enough is looked for by halves, and nothing is asked of those before it.
+setting of its knob nothing is asked before the setting may be the quickest that is left: first not its work, which may
+take long to find, and then not its error. Where errors are known at once and fall from setting to setting, the first
+that is small enough is looked for by halves, and nothing is asked of those before it.
 """
 
 from __future__ import annotations
@@ -67,6 +67,14 @@ class Way(NamedTuple):
         return rate.start + rate.step * work
 
     @property
+    def weighed(self) -> float:
+        """The same, by the work of the first where no other takes less."""
+        method = self.method
+        if method.lightest is not None or not (method.knob is None or method.knob.rising) or self.unfit is not None:
+            return self.shortest
+        return self.at(self.settings[0]).seconds
+
+    @property
     def unfit(self) -> str | None:
         """Why none of them can be taken at all."""
         return self.about.unfit(self.method.name)
@@ -79,12 +87,19 @@ class Way(NamedTuple):
         about, method, settings, _ = self
         if self.unfit is not None:
             return iter(())
-        if limit < math.inf and method.orderly:
+        if method.orderly and method.knob is not None and method.knob.rising and self._alike:
+            settings = settings[-1:]  # the most accurate of equally quick ones
+        elif limit < math.inf and method.orderly:
             settings = settings[bisect_left(settings, -limit, key=self._better) :]
         elif limit < math.inf and (least := method.least) is not None:
             settings = tuple([each for each in settings if least(about.parameters, each or 0.0, about.facts) <= limit])
         found = map(self.at, settings)
         return found if method.knob is None or method.knob.rising else iter(sorted(found, key=_seconds))
+
+    @property
+    def _alike(self) -> bool:
+        """Whether all take the same, where none takes less than one before it."""
+        return self.at(self.settings[0]).seconds == self.at(self.settings[-1]).seconds
 
     def _better(self, setting: float | None) -> float:
         """Larger for smaller errors, rounding aside."""
@@ -181,7 +196,11 @@ class Offers:
         while heap:
             seconds, place, found, others = heappop(heap)
             if isinstance(others, Way):
-                others = others.able(limit)
+                if (least := others.weighed) > seconds:
+                    heappush(heap, (least, place, None, others))
+                    others = iter(())
+                else:
+                    others = others.able(limit)
             if found is not None:
                 equal.append((place, found))
                 place += 1

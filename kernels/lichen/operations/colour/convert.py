@@ -25,11 +25,9 @@ evaluates the definitions in float64.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field
 
 from lichen.errors import Flaw
 from lichen.image import Alpha, Extent, Image, Space
@@ -46,70 +44,35 @@ from lichen.operation import (
     Knob,
     Light,
     Operation,
-    OperationParameters,
     Rate,
 )
 from lichen.operations.colour.convert_cases import CASES, EXAMPLES
-from lichen.operations.colour.fitted_steps import Fitted, fitted, rounded
-from lichen.operations.colour.primaries import Adaptation, White
-from lichen.operations.colour.spaces import Model, path
-from lichen.operations.colour.stages import (
-    FLOAT_MAX,
-    TINY,
-    UNKNOWN,
-    Doubt,
-    Interval,
-    Linear,
-    Mixed,
-    Planes,
-    Scalar,
-    Step,
-    size,
+from lichen.operations.colour.convert_walk import (
+    DEGREES,
+    MEANT,
+    STATED,
+    Parameters,
+    held,
+    models_of,
+    steps_of,
+    walked,
 )
+from lichen.operations.colour.fitted_steps import Fitted
+from lichen.operations.colour.spaces import Model
+from lichen.operations.colour.stages import FLOAT_MAX, TINY, Linear, Mixed, Planes, Scalar
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
 
 BLOCK = 1 << 13
 """Pixels of a block of NumPy's work: its planes stay in cache."""
-FAR = 1e30
-"""Where a step's values may lie beyond it, the next could leave float32."""
-DEGREES = (3, 4, 5, 6)
-"""Of polynomials in place of curves."""
-NEAR = 1e4
-"""The largest value of pictures for which float32 is trusted next to poles."""
-
-
-class Parameters(OperationParameters):
-    target: Model = Field(Model.LAB)
-    """the space to convert to"""
-    source: Model | None = None
-    """the space of the picture's numbers; what the picture says unless given"""
-    white: White = White.D65
-    """the white that XYZ, xyY, L*a*b*, LCh, L*u*v* and luminance are relative to"""
-    adaptation: Adaptation = Adaptation.BRADFORD
-    """how colours are carried from one white to another"""
-
-
-STATED = {Space.SRGB: Model.SRGB, Space.LINEAR: Model.LINEAR_BT709}
-MEANT = {model: space for space, model in STATED.items()}
-
-
-def _models(p: Parameters, space: Space) -> tuple[Model, Model]:
-    return p.source or STATED.get(space, p.target), p.target
-
-
-def _steps(p: Parameters, space: Space, degree: int = 0) -> tuple[Step | Fitted, ...]:
-    """The way; with a degree, its curves as polynomials where there are any."""
-    steps = path(*_models(p, space), p.white, p.adaptation)
-    return fitted(steps, degree) if degree else steps
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
     image = facts["image"]
     if p.source is None and image.space not in STATED:
         return [Flaw("/parameters/source", "is required: the image does not say what its numbers mean")]
-    source = _models(p, image.space)[0]
+    source = models_of(p, image.space)[0]
     colours = image.channels - (image.alpha is not Alpha.NONE)
     if colours < source.channels:
         return [Flaw("/inputs/image", f"has {colours} colour channel(s), and {source} has {source.channels}")]
@@ -119,60 +82,14 @@ def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:
 
 
 def _identity(p: Parameters, facts: InputFacts) -> str | None:
-    return None if _steps(p, facts["image"].space) else "source and target are the same"
+    return None if steps_of(p, facts["image"].space) else "source and target are the same"
 
 
-# ------------------------------------------------------------------------------------------------ analysis of a path
-
-
-@dataclass(frozen=True, slots=True)
-class Walk:
-    """What is known of a conversion's result without its pixels."""
-
-    intervals: list[Interval]
-    doubts: list[Doubt]
-    inside: bool
-    """whether every step stays well inside float32"""
-
-    @property
-    def error(self) -> float:
-        """The largest, and float32's largest number where nothing better is known."""
-        worst = [doubt.at(interval) for doubt, interval in zip(self.doubts, self.intervals, strict=True)]
-        return max(value if value < FLOAT_MAX else FLOAT_MAX for value in worst)
-
-
-def _walk(p: Parameters, facts: Facts, by: float = 0.0, degree: int = 0, bare: bool = False) -> Walk:
-    """The outputs' intervals, and how far they are from those of inputs that differ by `by`, rounding included; `bare`:
-    as if polynomials were the curves that they stand for."""
-    extent: Interval = (facts.extent.low, facts.extent.high)
-    intervals = [extent] * _models(p, facts.space)[0].channels
-    doubts = [Doubt(0.0, by)] * len(intervals)
-    inside, known = size(extent) < FAR, True
-    for step in _steps(p, facts.space, degree):
-        step = rounded(step) if bare else step
-        doubts = step.doubts(doubts, intervals)
-        intervals = step.intervals(intervals)
-        # Next to a pole no range is known: there a result is as large as the picture makes it.
-        known &= not (isinstance(step, Mixed) and any(size(each) >= UNKNOWN for each in intervals))
-        inside &= size(extent) < NEAR if not known else all(size(each) < FAR for each in intervals)
-    return Walk(intervals, doubts, inside)
-
-
-def _held(p: Parameters, facts: Facts) -> bool:
-    """Whether every curve's polynomials reach far enough."""
-    intervals: list[Interval] = [(facts.extent.low, facts.extent.high)] * _models(p, facts.space)[0].channels
-    for step in _steps(p, facts.space, DEGREES[0]):
-        if isinstance(step, Fitted) and not step.holds(intervals):
-            return False
-        intervals = step.intervals(intervals)
-    return True
-
-
-_exactly = latest(_walk)
+_exactly = latest(walked)
 
 
 def _passing(p: Parameters, facts: Facts) -> bool:
-    return facts.channels > _models(p, facts.space)[0].channels
+    return facts.channels > models_of(p, facts.space)[0].channels
 
 
 def _result(p: Parameters, facts: InputFacts) -> Facts:
@@ -180,7 +97,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     space = MEANT.get(p.target, Space.DATA)
     if _identity(p, facts):
         return Facts(image.height, image.width, image.channels, space, image.alpha, image.extent)
-    source, target = _models(p, image.space)
+    source, target = models_of(p, image.space)
     walk = _exactly(p, image)
     passing = [(image.extent.low, image.extent.high)] if _passing(p, image) else []
     intervals, slack = [*walk.intervals, *passing], walk.error
@@ -198,9 +115,9 @@ def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
     through the conversion, whose result is weighted again."""
     image = facts["image"]
     if image.alpha is Alpha.NONE:
-        return max(_walk(p, image, error).error, error * _passing(p, image))
+        return max(walked(p, image, error).error, error * _passing(p, image))
     far = min(_result(p, facts).extent.magnitude, FLOAT_MAX)
-    return max(_walk(p, image, (1 + image.extent.magnitude) * error).error + far * error, error)
+    return max(walked(p, image, (1 + image.extent.magnitude) * error).error + far * error, error)
 
 
 convert = Operation(
@@ -227,8 +144,8 @@ convert = Operation(
 
 def evaluate(image: Image, p: Parameters, dtype: type[np.floating], degree: int = 0) -> Array:
     """Every step in `dtype`, in blocks whose planes stay in cache; the result has the same precision."""
-    source, target = _models(p, image.space)
-    steps = _steps(p, image.space, degree)
+    source, target = models_of(p, image.space)
+    steps = steps_of(p, image.space, degree)
     shape = (image.height, image.width, image.channels - source.channels + target.channels)
     out = aligned_empty(shape, dtype)
     flat, result = image.pixels.reshape(-1, image.channels), out.reshape(-1, shape[2])
@@ -253,7 +170,7 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
 def _work(p: Parameters, knob: float, facts: InputFacts) -> float:
     """Steps per pixel, a power for three channels counting as four."""
     costs = {Scalar: 4.0, Linear: 1.0, Mixed: 4.0}
-    return facts["image"].pixels * (3 + sum(costs[type(step)] for step in _steps(p, facts["image"].space)))
+    return facts["image"].pixels * (3 + sum(costs[type(step)] for step in steps_of(p, facts["image"].space)))
 
 
 def _single_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
@@ -272,10 +189,10 @@ def _single_unfit(p: Parameters, facts: InputFacts) -> str | None:
 def launch(device: Device, image: Image, p: Parameters, degree: int = 0) -> Array:
     """The conversion by convert.cl, its steps written out as calls. Planes that are alike, as those of grey light are,
     go through curves as one."""
-    source, target = _models(p, image.space)
+    source, target = models_of(p, image.space)
     numbers: list[float] = []
     calls, planes, alike = [], source.channels, 1
-    for step in _steps(p, image.space, degree):
+    for step in steps_of(p, image.space, degree):
         if alike > 1 and isinstance(step, Linear | Mixed):
             calls.append(_repeated(alike))
             planes, alike = alike, 1
@@ -333,23 +250,23 @@ class Single:
 
 
 def _fitted_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    value, rounding = (_walk(p, facts["image"], degree=round(knob), bare=bare).error for bare in (False, True))
+    value, rounding = (walked(p, facts["image"], degree=round(knob), bare=bare).error for bare in (False, True))
     alone = _single_error(p, 0.0, facts).typical
     return Error(value, "estimate", rounding, None if alone is None else alone + (value - rounding))
 
 
 def _fitted_unfit(p: Parameters, facts: InputFacts) -> str | None:
     image = facts["image"]
-    if not any(isinstance(step, Fitted) for step in _steps(p, image.space, DEGREES[0])):
+    if not any(isinstance(step, Fitted) for step in steps_of(p, image.space, DEGREES[0])):
         return "no curve on the way is quicker as polynomials"
-    if not _held(p, image):
+    if not held(p, image):
         return "what lies beyond 1 before a curve is computed"
     return _single_unfit(p, facts)
 
 
 def _fitted_work(p: Parameters, knob: float, facts: InputFacts) -> float:
     """Of `single`, a power as polynomials counting as a third."""
-    steps = _steps(p, facts["image"].space, DEGREES[0])
+    steps = steps_of(p, facts["image"].space, DEGREES[0])
     saved = sum(isinstance(step, Fitted) for step in steps)
     return _work(p, 0.0, facts) - facts["image"].pixels * saved * (3.2 - 0.1 * knob)
 
@@ -360,6 +277,7 @@ def _fitted_work(p: Parameters, knob: float, facts: InputFacts) -> float:
     work=_fitted_work,
     rates={"opencl": Rate(3e-4, 3e-10), "numpy": Rate(1e-4, 8e-9)},
     knob=Knob("degree", DEGREES, "degree of the polynomials", DEGREES[0], DEGREES[-1]),
+    orderly=True,
     unfit=_fitted_unfit,
 )
 class ByPolynomials:

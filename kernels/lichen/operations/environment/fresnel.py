@@ -24,14 +24,15 @@ Sources: Born and Wolf, Principles of optics, section 1.5; Cook and Torrance, A 
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
 
 from lichen.memory import Array
 
-FINEST = 4096
-"""Cosines at which the error of Schlick's approximation is looked for."""
+EVENLY, TOWARDS = np.linspace(0, 1, 256), np.geomspace(1e-9, 1, 256)
+"""Places at which the error of Schlick's approximation is looked for."""
 
 
 def beyond(c: Array, ratio: Array) -> Array:
@@ -77,11 +78,13 @@ def schlick(c: Array, ratio: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def schlick_error(ratio: float) -> float:
-    """The largest error of Schlick's approximation, seen from either side: that at cosines spaced evenly and towards 0,
-    and a twentieth more for what lies between them."""
+    """The largest error of Schlick's approximation, seen from either side: that at cosines spaced evenly, towards 0 and
+    towards that beyond which nothing is seen; and a twentieth more for what lies between them."""
     if ratio == 1:
         return 0.0
-    c = np.concatenate([np.linspace(0, 1, FINEST), np.geomspace(1e-9, 1, FINEST)])
-    ratios = (np.full_like(c, each) for each in (ratio, 1 / ratio))
-    found = [np.abs(reflectance(c, each) - schlick(c, each)).max() for each in ratios]
+    inner = min(ratio, 1 / ratio)
+    end = math.sqrt(1 - inner * inner)
+    c = np.concatenate([EVENLY, TOWARDS, end + (1 - end) * TOWARDS])
+    sides = np.asarray(ratio), np.asarray(1 / ratio)
+    found = [np.abs(reflectance(c, each) - schlick(c, each)).max() for each in sides]
     return min(1.05 * float(max(found)), 1.0)

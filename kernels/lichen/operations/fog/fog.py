@@ -177,8 +177,9 @@ def _looked_up(inputs: Inputs, p: Parameters, rows: slice, entries: int) -> Arra
 @fog.method(
     "table",
     knob=Knob("entries", (32, 64, 256, 1024), "of the table", 2, 65536, order=-2),
+    orderly=True,
     error=errors.table,
-    work=lambda p, knob, facts: float(facts["image"].pixels),
+    work=lambda p, knob, facts: facts["image"].pixels + knob,
     rates={"opencl": Rate(2e-4, 2e-9), "numpy": Rate(2e-4, 8e-8)},
     unfit=_unfit,
 )

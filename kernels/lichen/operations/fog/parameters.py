@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field
 
 from lichen.errors import Flaw
 from lichen.image import Alpha
+from lichen.once import latest
 from lichen.operation import Facts, InputFacts
 from lichen.operations.compositing.layers import same_size
 from lichen.operations.fog.column import Column
@@ -93,7 +94,7 @@ class Parameters(View):
 
     @property
     def column(self) -> Column:
-        return Column.around(self.eye_height, self.heights, self.densities)
+        return _column(self)
 
     @property
     def lift(self) -> float:
@@ -121,6 +122,11 @@ class Parameters(View):
     def light(self, colours: int) -> tuple[float, ...]:
         """The fog's colour, a number for each channel."""
         return self.colour if isinstance(self.colour, tuple) else (self.colour,) * colours
+
+
+@latest
+def _column(p: Parameters) -> Column:
+    return Column.around(p.eye_height, p.heights, p.densities)
 
 
 def _unit(vector: tuple[float, float, float]) -> np.ndarray:

@@ -41,6 +41,7 @@ import numpy as np
 from lichen.errors import Flaw
 from lichen.image import Alpha, Space
 from lichen.memory import Array
+from lichen.once import latest
 from lichen.operation import POINTWISE, Error, Facts, Input, InputFacts, Inputs, Knob, Light, Operation, Rate
 from lichen.operations.lighting import coarse, errors, tables
 from lichen.operations.lighting.cases import CASES, EXAMPLES
@@ -101,7 +102,15 @@ def _reflected(p: Parameters, facts: InputFacts) -> errors.Reflected:
 
 
 def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    return errors.exact(_reflected(p, facts), p.material(), _texels(p, facts))
+    return _exactly(p, facts)
+
+
+@latest
+def _exactly(p: Parameters, facts: InputFacts) -> Error:
+    return errors.exact(_whole(p, facts), p.material(), _texels(p, facts))
+
+
+_whole = latest(_reflected)
 
 
 def _and_left_out(
@@ -118,6 +127,7 @@ def _and_left_out(
     return stated
 
 
+@latest
 def _texels(p: Parameters, facts: InputFacts) -> int:
     """The longer side of what projectors and slabs show, in pictures moved aside as far as they are."""
     sides = [0]
@@ -134,13 +144,13 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     normal = facts["normal"]
     space = facts["albedo"].space if "albedo" in facts else Space.LINEAR
     spoilt = any(each.extent.nonfinite for each in facts.values())
-    extent = errors.extent(_reflected(p, facts), p.material(), normal.pixels * 3 if spoilt else 0)
+    extent = errors.extent(_whole(p, facts), p.material(), normal.pixels * 3 if spoilt else 0)
     return Facts(normal.height, normal.width, 3, space, Alpha.NONE, extent)
 
 
 def _propagate(p: Parameters, facts: InputFacts, error: float) -> float:
     """Colours and slides are pictures; a highlight times a change of its colour has no bound but its own."""
-    reflected = _reflected(p, facts)
+    reflected = _whole(p, facts)
     most = errors.gain(reflected, p.material(), shiny="specular" in facts)
     slides = errors.extent(reflected, p.material(), 0).high if facts.keys() & set(PICTURES) else 0.0
     return errors.finite(error * (most + slides))
@@ -202,11 +212,12 @@ def _tabled(p: Parameters, facts: InputFacts) -> str | None:
 @lighting.method(
     "tables",
     error=_and_left_out(
-        lambda p, size, facts: errors.looked_up(_reflected(p, facts), p.material(), round(size), _texels(p, facts))
+        lambda p, size, facts: errors.looked_up(_whole(p, facts), p.material(), round(size), _texels(p, facts))
     ),
-    work=_work,
+    work=lambda p, size, facts: _work(p, size, facts) + size,
     rates=RATES,
     knob=Knob("size", (16, 64, 256, 1024), "entries of each table", 4, 4096, order=-2),
+    orderly=True,
     unfit=_tabled,
 )
 class Tables:
@@ -223,7 +234,7 @@ class Tables:
 
 @lighting.method(
     "schlick",
-    error=_and_left_out(lambda p, knob, facts: errors.schlick(_reflected(p, facts), p.material(), _texels(p, facts))),
+    error=_and_left_out(lambda p, knob, facts: errors.schlick(_whole(p, facts), p.material(), _texels(p, facts))),
     work=_work,
     rates=RATES,
     unfit=lambda p, facts: (
@@ -249,12 +260,17 @@ def _sparse_error(p: Parameters, share: float, facts: InputFacts) -> Error:
     rounding = _exact_error(p, share, facts).value
     if share >= 1 or _without_areas(p, facts):
         return Error(rounding, "estimate", rounding)
-    areas = [
-        each.model_copy(update={"lights": tuple(lamp for lamp in each.lights if lamp.kind in WIDE)})
-        for each in (p, p.sparse(share))
-    ]
-    apart = max(errors.extent(_reflected(each, facts), p.material(), 0).high for each in areas)
+    apart = max(_from_all_areas(p, facts), _from_areas(p.sparse(share), facts))
     return Error(errors.finite(rounding + apart), "estimate", rounding)
+
+
+def _from_areas(p: Parameters, facts: InputFacts) -> float:
+    """The most that they give."""
+    areas = p.model_copy(update={"lights": tuple(lamp for lamp in p.lights if lamp.kind in WIDE)})
+    return errors.extent(_reflected(areas, facts), p.material(), 0).high
+
+
+_from_all_areas = latest(_from_areas)
 
 
 def _without_areas(p: Parameters, facts: InputFacts) -> str | None:
@@ -288,7 +304,7 @@ def _coarse_error(p: Parameters, step: float, facts: InputFacts) -> Error:
     rounding = _exact_error(p, step, facts).value
     if coarse.power(step) == 1:
         return Error(rounding, "estimate", rounding)
-    most = errors.extent(_reflected(p, facts), p.material(), 0).high
+    most = errors.extent(_whole(p, facts), p.material(), 0).high
     signed = any(facts[name].extent.low < 0 for name in ("albedo", "specular", "visibility") if name in facts)
     return Error(errors.finite(rounding + most * (1 + signed)), "estimate", rounding, _usual(most, step))
 

@@ -111,4 +111,6 @@ class Parameters(OperationParameters):
 
     def sparse(self, share: float) -> Parameters:
         """With that share of the discs of areas and slabs, one at least."""
+        if share >= 1:
+            return self
         return self.model_copy(update={"lights": tuple(lamp.sparse(share) for lamp in self.lights)})

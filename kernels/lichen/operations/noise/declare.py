@@ -70,6 +70,7 @@ def declared(
         work=lambda p, tail, facts: work(basis, p, cut(p, basis.lattice(p), tail)[0]),
         rates={backend: pair[0] for backend, pair in rates.items()},
         knob=TAIL,
+        orderly=True,
     )
     class Single:
         """Arithmetic in float32; octaves that add less than `tail` are left out."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from lichen.once import latest
 from lichen.operation import Rate
 from lichen.operations.noise.cases import lattice_cases
 from lichen.operations.noise.declare import declared
@@ -33,6 +34,7 @@ class Parameters(ImpulseParameters):
     )
 
 
+@latest
 def kernel(p: Parameters) -> Kernel:
     return Kernel(p.impulses, scale(p, 1.0, waves=True), 1.0, p.angle, p.waves, p.spread / 180)
 

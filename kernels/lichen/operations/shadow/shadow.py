@@ -219,6 +219,7 @@ def _stored(name: str, kind: Store, text: str, step: float, *, floats: bool = Fa
     shadow.method(
         name,
         knob=DIGITS if floats else BITS,
+        orderly=True,
         error=_few_bits,
         work=_work,
         rates={"opencl": Rate(3e-4, step), "numpy": Rate(1e-3, 6e-8)},

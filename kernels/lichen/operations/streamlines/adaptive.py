@@ -12,6 +12,7 @@ D. Stalling and H.-C. Hege, SIGGRAPH 1995, section 3.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +40,7 @@ SHORTEST = 1 / 4
 
 def spacing(tolerance: float) -> float:
     """Between samples of the texture, px: halved for each tenth of the tolerance."""
-    return float(np.clip(2.0 * tolerance ** np.log10(2.0), 1 / 16, 1.0))
+    return float(min(max(2.0 * tolerance ** math.log10(2.0), 1 / 16), 1.0))
 
 
 @dataclass(eq=False)

@@ -87,12 +87,14 @@ class Curves:
         return [curve(x) if wide else computed(curve, x) for curve, x in zip(self.curves, planes, strict=True)]
 
     def walk(self, given: Sequence[Interval], doubts: Sequence[float]) -> tuple[list[Interval], list[float]]:
-        intervals, errors = [], []
-        for curve, (low, high), by in zip(self.curves, given, doubts, strict=True):
-            intervals.append(curve.span(low, high))
-            carried = curve.modulus(low, high, by) if by else 0.0
-            errors.append(carried + curve.error(low - by, high + by))
-        return intervals, errors
+        told: dict[tuple[Piecewise, Interval, float], tuple[Interval, float]] = {}  # channels are often alike
+        asked = list(zip(self.curves, given, doubts, strict=True))
+        for each in asked:
+            if each not in told:
+                curve, (low, high), by = each
+                carried = curve.modulus(low, high, by) if by else 0.0
+                told[each] = curve.span(low, high), carried + curve.error(low - by, high + by)
+        return [told[each][0] for each in asked], [told[each][1] for each in asked]
 
     def written(self, at: int) -> tuple[list[float], str]:
         numbers: list[float] = []

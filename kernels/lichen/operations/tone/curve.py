@@ -342,9 +342,10 @@ class Exact:
 @curve.method(
     "table",
     error=_table_error,
-    work=lambda p, knob, facts: facts["image"].samples,
+    work=lambda p, knob, facts: facts["image"].samples + knob,
     rates={"opencl": Rate(2e-4, 1e-9), "numpy": Rate(1e-4, 3.5e-9)},
     knob=Knob("size", (64, 256, 1024, 4096, 16384), "cells of the table", 16, 65536, order=-2),
+    orderly=True,
 )
 class Interpolated:
     """Linear interpolation in a uniform table, whose error is proved from the pieces' bends and kinks."""

@@ -152,6 +152,7 @@ def _declare(name: str) -> Callable[[type[Taken]], type[Taken]]:
             work=lambda p, knob, facts: taken.work(p.as_transfer, knob, facts),
             rates=taken.rates,
             knob=taken.knob,
+            orderly=taken.orderly,
             unfit=lambda p, facts: taken.unfit(p.as_transfer, facts),
         )(body)
         return body

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from lichen.image import Alpha, Image
 from lichen.memory import Array
+from lichen.once import latest
 from lichen.operation import Border, OperationParameters, Pixels
 from lichen.operations.convolution import gaussian as blur
 
@@ -48,7 +49,12 @@ class Parameters(OperationParameters):
 
     @property
     def blur(self) -> blur.Parameters:
-        return blur.Parameters(sigma=self.sigma, border=self.border, value=0.0)
+        return _blur(self)
+
+
+@latest
+def _blur(p: Parameters) -> blur.Parameters:
+    return blur.Parameters(sigma=p.sigma, border=p.border, value=0.0)
 
 
 def average(image: Image, weights: tuple[float, float, float]) -> float:

@@ -65,22 +65,24 @@ class Piece:
             rise = self.kind.slope(np.asarray(self.inner * x + self.lift), self.exponent)
         return abs(float(self.outer * self.inner * rise)) if self.body != "constant" else 0.0
 
-    def error(self, x: float, around: float) -> float:
-        """The largest difference of float32's result at x, whose own distance from a centre is off by `around`."""
+    def error(self, x: Array, around: Array) -> float:
+        """The largest difference of float32's results at any x, whose own distances from a centre are off by
+        `around`."""
         if self.body == "constant":
             return ROUNDING * abs(self.drop)
-        t = self.inner * x + self.lift
-        apart = ROUNDING * (4 * abs(t) + 2 * abs(self.inner) * around)
-        y = float(self.value(x))
+        t = self.argument(x)
+        apart = ROUNDING * (4 * np.abs(t) + 2 * abs(self.inner) * around)
+        y = self.value(x)
         with np.errstate(all="ignore"):
-            own = float(self.kind.own(np.asarray(t), self.exponent))
+            own = self.kind.own(t, self.exponent)
             # The argument is a few roundings from where the slope may be larger.
-            slopes = [float(self.kind.slope(np.asarray(each), self.exponent)) for each in (t - apart, t + apart)]
-        steep = max(abs(each) if math.isfinite(each) else 0.0 for each in slopes)
-        if self.body == "power":
-            own += SMALLEST**self.exponent  # what is smaller counts as 0
-        bare = abs(y - self.drop) if math.isfinite(y) else FLOAT_MAX
-        return abs(self.outer) * (apart * steep + own) + ROUNDING * (2 * bare + abs(self.drop) + 2 * abs(y))
+            slopes = np.abs(self.kind.slope(np.array([t - apart, t + apart]), self.exponent))
+            if self.body == "power":
+                own = own + SMALLEST**self.exponent  # what is smaller counts as 0
+            steep = np.where(np.isfinite(slopes), slopes, 0.0).max(axis=0)
+            bare = np.where(np.isfinite(y), np.abs(y - self.drop), FLOAT_MAX)
+            made = abs(self.outer) * (apart * steep + own) + ROUNDING * (2 * bare + abs(self.drop) + 2 * np.abs(y))
+        return float(np.fmax.reduce(made))
 
     def inverse(self, start: float) -> Piece:
         """The same piece the other way; one that is constant has none but a constant."""
@@ -184,8 +186,8 @@ class Piecewise:
         shifted = self.centre is not None and self.centre[0] != 0
         worst = 0.0
         for piece, start, end in self._stretches(low, high):
-            ends = [min(max(x, -FLOAT_MAX), FLOAT_MAX) for x in (start, end)]
-            worst = max([worst, *(piece.error(x, abs(x) * shifted) for x in ends)])
+            ends = np.array([min(max(x, -FLOAT_MAX), FLOAT_MAX) for x in (start, end)])
+            worst = max(worst, piece.error(ends, np.abs(ends) * shifted))
         if self.centre:
             worst += ROUNDING * abs(self.centre[1]) * 2 + (self.jump if shifted else 0.0)
             worst += ROUNDING * max(abs(y) for y in map(self._large, (low, high)))

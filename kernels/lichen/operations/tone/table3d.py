@@ -35,6 +35,7 @@ from pydantic import Field, field_validator
 from lichen.errors import Flaw
 from lichen.image import Alpha, Extent
 from lichen.memory import Array, aligned, aligned_empty
+from lichen.once import latest
 from lichen.operation import (
     POINTWISE,
     ROUNDING,
@@ -172,11 +173,18 @@ def _known(p: Parameters, facts: InputFacts) -> tuple[float, float, float, int]:
     return table.extent.low, table.extent.high, 3 * table.extent.spread, table.width
 
 
+@latest
+def _walked(p: Parameters, facts: InputFacts) -> tuple[float, float, float]:
+    """Of a chain: the results' range and the largest error."""
+    assert p.chain is not None
+    return p.chain.walk(facts["image"].extent.low, facts["image"].extent.high)
+
+
 def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     """The place carries roundings of the sample, the domain and the scale; the weights sum to 1 but for theirs. Of a
     chain, what its steps make of one another's."""
     if p.chain is not None:
-        worst = p.chain.walk(facts["image"].extent.low, facts["image"].extent.high)[2]
+        worst = _walked(p, facts)[2]
         return Error(worst, "estimate", worst)
     low, high, steps, size = _known(p, facts)
     ends = p.domain
@@ -188,7 +196,7 @@ def _error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 def _result(p: Parameters, facts: InputFacts) -> Facts:
     image = facts["image"]
     chain = p.chain
-    low, high = chain.walk(image.extent.low, image.extent.high)[:2] if chain else _known(p, facts)[:2]
+    low, high = _walked(p, facts)[:2] if chain else _known(p, facts)[:2]
     slack = _error(p, 0.0, facts).value
     low, high = low - slack, high + slack
     if image.channels > 3:

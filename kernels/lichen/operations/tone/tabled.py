@@ -41,6 +41,8 @@ F = np.float32
 DEAR = ("power", "gsdf_signal", "gsdf_light", "rootlog_inverse")
 """Bodies that cost more than a lookup."""
 FLAT = ("line", "constant")
+FEWEST = 256
+"""Cells of a table."""
 
 
 def pays(curve: Piecewise) -> bool:
@@ -76,13 +78,19 @@ class Tabled:
         rounding = self.table.rounding + 3 * ROUNDING * abs(centre[1]) + (at.jump if centre[0] else 0.0)
         bound = self.table.bound + rounding
         if far > self.top or (near < self.knee and not self.lower.pieces):
-            computed = at.error(low, high)
+            computed = _computed(at, low, high)
             return max(bound, computed), max(rounding, computed), False
         if near < self.knee:
             foot = max(low, centre[0] - self.knee) if at.centre else low
-            lines = self.lower.error(foot, max(foot, min(high, centre[0] + self.knee)))
+            lines = _computed(self.lower, foot, max(foot, min(high, centre[0] + self.knee)))
             return max(bound, lines), max(rounding, lines), True
         return bound, rounding, True
+
+
+@lru_cache(maxsize=64)
+def _computed(curve: Piecewise, low: float, high: float) -> float:
+    """Its error where it is computed: the same for tables of all sizes."""
+    return curve.error(low, high)
 
 
 def _begins(curve: Piecewise) -> int:
@@ -158,7 +166,8 @@ def _layout(held: Piecewise, knee: float, top: float, size: int) -> tuple[int, i
 
 @lru_cache(maxsize=64)
 def tabled(curve: Piecewise, reach: float, size: int) -> Tabled:
-    """The table of at most `size` cells of a curve, for samples up to `reach`."""
+    """The table of at most `size` cells of a curve, for samples up to `reach`. Where pieces miss each other, one with
+    more cells may be worse."""
     below = _begins(curve)
     held = Piecewise(curve.pieces[below:])
     knee = max(held.pieces[0].start, 0.0) if below else 0.0
@@ -184,7 +193,10 @@ def tabled(curve: Piecewise, reach: float, size: int) -> Tabled:
     nodes.flags.writeable = False
     columns = np.ascontiguousarray(nodes[1:, 0]), np.ascontiguousarray(nodes[1:, 1])
     table = Table(nodes, int(first), int(last), MANTISSA - layout[1], bound, rounding, columns)
-    return Tabled(curve, table, below, knee, top)
+    made, fewer = Tabled(curve, table, below, knee, top), size // 4
+    if fewer < FEWEST or (smaller := tabled(curve, reach, fewer)).table.bound >= bound:
+        return made
+    return smaller
 
 
 # ---------------------------------------------------------------------------------------------------------- backends

@@ -9,7 +9,9 @@ computed.
 The bound. On a cell of width h the body is convex or concave, so curve and chord both lie in the triangle between the
 chord and the tangents at its ends. With p and q the differences between the chord's slope and the two tangents' its
 height is h p q / (p + q), which is h p where q is infinite. It needs no second derivative and holds at a vertical
-start. To it comes the rounding of the stored values and of the interpolation.
+start. Along a power of the distance alone the bend only grows or only falls, so that of cells of one width one at an
+end is the highest, and binades are similar, each as many times higher than the one before: few cells tell it for all.
+To it comes the rounding of the stored values and of the interpolation.
 
 A table depends on parameters and size alone, never on a picture, so tiles of one picture agree bit for bit.
 """
@@ -69,45 +71,60 @@ def _points(form: Form, binades: int, bits: int) -> Array:
     return points
 
 
-def _probed(form: Form, binades: int, bits: int) -> float:
-    """The largest height among the first cell and the cells at both ends of every binade; only to choose a layout."""
-    low = form.top * 2.0 ** np.arange(-binades, 0)
-    step = low / (1 << bits)
-    left = np.concatenate([np.zeros(1), low, 2 * low - step])
-    right = np.concatenate([low[:1], low + step, 2 * low])
-    return float(_heights(form, left, right).max())
+@lru_cache(maxsize=16)
+def _probes(size: int, similar: bool) -> tuple[list[tuple[int, int]], Array, Array, Array]:
+    """Binades and bits of tables of at most `size` cells; of each, in parts of the top, both ends of its first cell and
+    of the cells at the ends of its binades; and where in these it begins. Of as many binades finer ones are never
+    worse. Where all binades are `similar`, the last is the highest.
+    """
+    layouts = list({min(size >> bits, BINADES): bits for bits in range(size.bit_length())}.items())
+    left, right = [], []
+    for binades, bits in layouts:
+        low = 2.0 ** np.arange(-1 if similar else -binades, 0)
+        step = low / (1 << bits)
+        left.append(np.concatenate([np.zeros(1), low, 2 * low - step]))
+        right.append(np.concatenate([[2.0**-binades], low + step, 2 * low]))
+    begins = np.cumsum([0, *map(len, left[:-1])])
+    return layouts, np.concatenate(left), np.concatenate(right), begins
 
 
-def _layout(form: Form, size: int) -> tuple[int, int]:
-    """How many binades and how many bits per binade make the best table of at most `size` cells.
+@lru_cache(maxsize=256)
+def best(form: Form, size: int) -> tuple[int, int, float]:
+    """Binades and bits of the table of at most `size` cells that errs least, and how far its chords are off at most.
 
     A curve with a toe needs the binades down to its knee and no more; the others trade.
     """
     if form.knee > 0:
-        binades = math.ceil(math.log2(form.top / form.knee))
-        return binades, (size // binades).bit_length() - 1
-    choices = {(min(size >> bits, BINADES), bits) for bits in range(size.bit_length())}
-    return min(choices, key=lambda choice: (_probed(form, *choice), choice))
+        binades, bound = math.ceil(math.log2(form.top / form.knee)), 0.0
+        bits = (size // binades).bit_length() - 1
+    else:
+        pure = form.body == "power" and not form.lift
+        layouts, left, right, begins = _probes(size, pure)
+        probed = np.maximum.reduceat(_heights(form, form.top * left, form.top * right), begins)
+        bound, (binades, bits) = min(zip(probed.tolist(), layouts, strict=True))
+        if pure:
+            return binades, bits, bound
+    points = _points(form, binades, bits)
+    return binades, bits, max(bound, float(_heights(form, points[:-1], points[1:]).max()))
+
+
+def rounding(form: Form) -> float:
+    """Of the values that a table holds, of their rises and of the step between them; none is larger than one end's."""
+    return 4 * ROUNDING * float(np.abs(form.upper((form.knee, form.top))).max())
 
 
 @lru_cache(maxsize=64)
 def tabulate(form: Form, size: int) -> Table:
     """The table of at most `size` cells with the smallest error, and its proved bound."""
-    binades, bits = _layout(form, size)
+    binades, bits, bound = best(form, size)
     points = _points(form, binades, bits)
-    values = form.upper(points)
-    heights = _heights(form, points[:-1], points[1:])
-    origin = float(form.magnitude(0))
-    bound = float(heights.max())
-    if form.knee <= 0:
-        bound = max(bound, float(_heights(form, np.zeros(1), points[:1]).max()))
+    values, origin = form.upper(points), float(form.magnitude(0))
     nodes = np.zeros((points.size + 1, 2), dtype=np.float32)
     nodes[0] = origin, (values[0] - origin) / points[0]
     nodes[1:, 0] = values
     nodes[1:-1, 1] = np.diff(values)
-    rounding = 4 * ROUNDING * float(np.abs(values).max())
     first, last = points[[0, -1]].astype(np.float32).view(np.int32)
     nodes = aligned(nodes)
     nodes.flags.writeable = False
     columns = np.ascontiguousarray(nodes[1:, 0]), np.ascontiguousarray(nodes[1:, 1])
-    return Table(nodes, int(first), int(last), MANTISSA - bits, bound, rounding, columns)
+    return Table(nodes, int(first), int(last), MANTISSA - bits, bound, rounding(form), columns)

@@ -52,7 +52,7 @@ from lichen.operation import (
     Operation,
     Rate,
 )
-from lichen.operations.tone import standards
+from lichen.operations.tone import standards, tables
 from lichen.operations.tone.curves import FLOAT_MAX, WHOLE, Curve, Direction
 from lichen.operations.tone.evaluate import evaluate
 from lichen.operations.tone.piecewise import held
@@ -60,7 +60,6 @@ from lichen.operations.tone.shapes import Pieced, Powers, Whole
 from lichen.operations.tone.tabled import Tabled, pays, tabled
 from lichen.operations.tone.tabled import numpy as by_pieces_numpy
 from lichen.operations.tone.tabled import opencl as by_pieces_opencl
-from lichen.operations.tone.tables import tabulate
 from lichen.operations.tone.transfer_cases import CASES
 from lichen.operations.tone.transfer_launch import constants, definitions, fitted, launch
 from lichen.operations.tone.transfer_parameters import WHITE, Parameters, form, shape, stated
@@ -282,9 +281,8 @@ def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
         proved = proved and not extent.nonfinite
     else:
         whole = Whole(form(p), p.clamped)
-        table = tabulate(whole.form, round(knob))
-        rounding = table.rounding + 2 * ROUNDING * abs(whole.form.offset)
-        value = table.bound + rounding
+        rounding = tables.rounding(whole.form) + 2 * ROUNDING * abs(whole.form.offset)
+        value = tables.best(whole.form, round(knob))[2] + rounding
         far = max(abs(x + whole.form.shift) for x in whole.seen(extent.low, extent.high))
         proved = far <= whole.form.top and not extent.nonfinite
     if proved:
@@ -295,9 +293,10 @@ def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 @transfer.method(
     "table",
     error=_table_error,
-    work=lambda p, knob, facts: facts["image"].samples,
+    work=lambda p, knob, facts: facts["image"].samples + knob,
     rates={"opencl": Rate(3e-4, 8.5e-10), "numpy": Rate(8e-5, 5e-9)},
     knob=Knob("size", (256, 1024, 4096, 16384, 65536), "cells of the table at most", 256, 65536, order=-2),
+    orderly=True,
     unfit=_table_unfit,
 )
 class Interpolated:
@@ -308,7 +307,7 @@ class Interpolated:
     def opencl(device: Device, inputs: Inputs, parameters: Parameters, knob: float) -> Array:
         if parameters.curve not in WHOLE:
             return by_pieces_opencl(device, inputs["image"], _tabled(parameters, round(knob)))
-        table = tabulate(form(parameters), round(knob))
+        table = tables.tabulate(form(parameters), round(knob))
         bits = (np.int32(table.first), np.int32(table.last), np.int32(table.shift))
         return launch(device, inputs["image"], form(parameters), parameters.clamped, "table", table.nodes, *bits)
 
@@ -317,7 +316,7 @@ class Interpolated:
         image = inputs["image"]
         if parameters.curve not in WHOLE:
             return by_pieces_numpy(image, _tabled(parameters, round(knob)))
-        table = tabulate(form(parameters), round(knob))
+        table = tables.tabulate(form(parameters), round(knob))
         out = evaluate(image.pixels, form(parameters), clamped=parameters.clamped, table=table)
         if image.alpha is not Alpha.NONE:
             out[..., -1] = image.pixels[..., -1]

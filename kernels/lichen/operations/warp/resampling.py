@@ -344,8 +344,8 @@ def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
         "supersampled",
         scratch=0.1,
         knob=POINTS,
+        orderly=True,
         error=lambda p, knob, facts: error_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
-        least=lambda p, knob, facts: least_of("supersampled", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: (
             _work(warp, p, facts) * (AVERAGED + (knob**2 if warp.shrinks(p, facts) else 0))
             + AVERAGED * warp.preparing(p, facts)
@@ -359,9 +359,8 @@ def _add_supersampled(operation: Operation[P], warp: Warp[P]) -> None:
         def opencl(device: Device, inputs: Inputs, p: P, knob: float) -> Array:
             if not device.has_fp64:
                 return Supersampled.numpy(inputs, p, knob)
-            source, size = warp.source(inputs, p), warp.made_of(inputs, p)
-            points = samples_of(round(knob))
-            return averaged(device, source, warp.looks(p, inputs), size, "super", *points, shallow=math.inf)
+            source, size, grid = warp.source(inputs, p), warp.made_of(inputs, p), samples_of(round(knob))
+            return averaged(device, source, warp.looks(p, inputs), size, "super", *grid, shallow=math.inf)
 
         @staticmethod
         def numpy(inputs: Inputs, p: P, knob: float) -> Array:
@@ -373,6 +372,7 @@ def _add_ewa(operation: Operation[P], warp: Warp[P]) -> None:
         "ewa",
         scratch=0.4,
         knob=SAMPLES,
+        orderly=True,
         error=lambda p, knob, facts: error_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         least=lambda p, knob, facts: least_of("ewa", p, knob, facts, shrinks=warp.shrinks(p, facts)),
         work=lambda p, knob, facts: (

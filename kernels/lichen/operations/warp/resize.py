@@ -138,6 +138,7 @@ def _covered(before: int, after: int) -> Axis:
     return Axis(index.astype(np.int32), weights / weights.sum(axis=1, keepdims=True), np.zeros(after))
 
 
+@latest
 def _sizes(p: Parameters, image: Facts) -> tuple[Size, Size]:
     """Of the whole image and of the whole result."""
     if place := place_of(p):
@@ -148,7 +149,7 @@ def _sizes(p: Parameters, image: Facts) -> tuple[Size, Size]:
 def made(p: Parameters, image: Facts) -> Size:
     """Of what is made, which may be a part."""
     place = place_of(p)
-    return place.result[2:] if place else size_of(p, {"image": image})
+    return place.result[2:] if place else _sizes(p, image)[1]
 
 
 def _axes(p: Parameters, image: Facts, name: str) -> tuple[Axis, Axis]:
@@ -224,10 +225,9 @@ def error(name: str, p: Parameters, knob: float, facts: InputFacts) -> Error:
     if name == "lanczos3":
         return Error(least, "bound", least)
     before, after = _sizes(p, image)
-    true_down = table(before[1], after[1], "lanczos3", p.border)
     wide, wide_rms = apart(before[0], after[0], name, p.border)
     tall, tall_rms = apart(before[1], after[1], name, p.border)
-    off = wide * true_down.gain + across.gain * tall
+    off = wide * table(before[1], after[1], "lanczos3", p.border).gain + across.gain * tall
     typical = min(0.2 * math.hypot(wide_rms, tall_rms), off / 2)
     return Error((high - low) / 2 * off + least, "bound", least, (high - low) * typical + least)
 

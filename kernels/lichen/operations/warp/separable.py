@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lichen.memory import Array, aligned
+from lichen.once import once
 from lichen.operation import Border
 from lichen.operations.convolution.borders import OUTSIDE, continued
 from lichen.operations.warp.kernels import Doubles, Kernel
@@ -37,7 +38,7 @@ class Axis:
     weights: Doubles
     constant: Doubles
 
-    @property
+    @once
     def gain(self) -> float:
         """The largest sum of magnitudes."""
         return float((np.abs(self.weights).sum(axis=1) + np.abs(self.constant)).max())
