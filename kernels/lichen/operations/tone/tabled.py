@@ -32,7 +32,7 @@ from lichen.operations.tone.evaluate import ceiling32
 from lichen.operations.tone.piecewise import Piece, Piecewise
 from lichen.operations.tone.pointwise import blockwise, launch_flat
 from lichen.operations.tone.shapes import definitions, distance, finished, pieces32, written
-from lichen.operations.tone.tables import BINADES, MANTISSA, Table
+from lichen.operations.tone.tables import BINADES, MANTISSA, Table, points_of
 
 if TYPE_CHECKING:
     from lichen.opencl.device import Device
@@ -140,13 +140,6 @@ def _bound(held: Piecewise, left: Array, right: Array, knee: float) -> float:
 # ------------------------------------------------------------------------------------------------------------- table
 
 
-def _points(top: float, binades: int, bits: int) -> Array:
-    """The nodes, ascending, float64 and exact in float32."""
-    steps = np.arange((binades << bits) + 1)
-    made: Array = np.ldexp(top * (1 + (steps & ((1 << bits) - 1)) / (1 << bits)), (steps >> bits) - binades)
-    return made
-
-
 def _layout(held: Piecewise, knee: float, top: float, size: int) -> tuple[int, int]:
     """How many binades and how many bits per binade: those down to the knee, or, from zero, what errs least at the ends
     of binades."""
@@ -173,7 +166,7 @@ def tabled(curve: Piecewise, reach: float, size: int) -> Tabled:
     knee = max(held.pieces[0].start, 0.0) if below else 0.0
     away = reach - (curve.centre[0] if curve.centre else 0.0)
     top = 2.0 ** math.ceil(math.log2(max(away, 2 * knee)))
-    points = _points(top, *(layout := _layout(held, knee, top, size)))
+    points = points_of(top, *(layout := _layout(held, knee, top, size)))
     values, origin = held(points), float(held(0.0)) if not knee else 0.0
     bound = _bound(held, points[:-1], points[1:], knee)
     nodes = np.zeros((points.size + 1, 2), F)

@@ -64,10 +64,10 @@ def _heights(form: Form, left: Array, right: Array) -> Array:
     return np.where((right <= form.knee) | (before + after == 0), 0.0, height)
 
 
-def _points(form: Form, binades: int, bits: int) -> Array:
+def points_of(top: float, binades: int, bits: int) -> Array:
     """The nodes, ascending, float64 and exact in float32."""
     steps = np.arange((binades << bits) + 1)
-    points: Array = np.ldexp(form.top * (1 + (steps & ((1 << bits) - 1)) / (1 << bits)), (steps >> bits) - binades)
+    points: Array = np.ldexp(top * (1 + (steps & ((1 << bits) - 1)) / (1 << bits)), (steps >> bits) - binades)
     return points
 
 
@@ -104,7 +104,7 @@ def best(form: Form, size: int) -> tuple[int, int, float]:
         bound, (binades, bits) = min(zip(probed.tolist(), layouts, strict=True))
         if pure:
             return binades, bits, bound
-    points = _points(form, binades, bits)
+    points = points_of(form.top, binades, bits)
     return binades, bits, max(bound, float(_heights(form, points[:-1], points[1:]).max()))
 
 
@@ -117,7 +117,7 @@ def rounding(form: Form) -> float:
 def tabulate(form: Form, size: int) -> Table:
     """The table of at most `size` cells with the smallest error, and its proved bound."""
     binades, bits, bound = best(form, size)
-    points = _points(form, binades, bits)
+    points = points_of(form.top, binades, bits)
     values, origin = form.upper(points), float(form.magnitude(0))
     nodes = np.zeros((points.size + 1, 2), dtype=np.float32)
     nodes[0] = origin, (values[0] - origin) / points[0]
