@@ -101,16 +101,12 @@ def _reflected(p: Parameters, facts: InputFacts) -> errors.Reflected:
     )
 
 
-def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    return _exactly(p, facts)
-
-
-@latest
-def _exactly(p: Parameters, facts: InputFacts) -> Error:
-    return errors.exact(_whole(p, facts), p.material(), _texels(p, facts))
-
-
 _whole = latest(_reflected)
+"""Of all lamps."""
+
+
+def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    return errors.exact(_whole(p, facts), p.material(), _texels(p, facts))
 
 
 def _and_left_out(
