@@ -70,8 +70,9 @@ BOUNDS: dict[str, str] = {
         "square roots and divisions."
     ),
     "compare": (
-        "More than half of it is what is found beside the map, which is summed in doubles; the pictures are read once "
-        "more for that."
+        "Figures: the same pass that writes the map sums in doubles and counts codes of 8 and 16 bits and units in the "
+        "last place, which does not all hide behind memory. Before it a sample of the pixels bounds the largest "
+        "thousandth, which is ranked after it."
     ),
     "gamut": (
         "Two powers for each of three channels wherever one pixel of sixteen is beyond the threshold; and the picture "
