@@ -152,9 +152,12 @@ def quantile(high: Array, count: int, bound: float, equal: int) -> float | None:
     least = count - high.size
     if low < least - equal:
         return None
-    ranks = [each - least for each in (low, min(low + 1, count - 1))]
-    ranked = np.partition(high, [max(each, 0) for each in ranks]) if ranks[1] >= 0 else high
-    first, second = (float(ranked[each]) if each >= 0 else bound for each in ranks)
+    below, above = (each - least for each in (low, min(low + 1, count - 1)))
+    if above < 0:
+        return bound
+    ranked = np.partition(high, max(below, 0))  # about one place: about two it takes twice as long
+    first = float(ranked[below]) if below >= 0 else bound
+    second = float(ranked[below + 1 :].min()) if above > below else first
     return first + (second - first) * part
 
 
