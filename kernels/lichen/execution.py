@@ -69,7 +69,11 @@ def computed(
             if node.name in chains and device is not None:
                 values = {node.inputs[key]: image for key, image in inputs.items()}
                 return by_chain(chains[node.name], plan.graph, values, device)
-            return by_method(node, inputs, device)
+            both = in_one_pass(node, inputs, device)
+            if both is None:
+                return by_method(node, inputs, device)
+            pixels, findings[node.name] = both
+            return pixels
 
     def made(node: Node, inputs: Inputs) -> Array:
         if plan.graph.precision is Precision.FLOAT64:
@@ -100,7 +104,7 @@ def computed(
         return found
 
     def observed(node: Node, inputs: Inputs, pixels: Array) -> None:
-        if node.operation.finds:
+        if node.operation.finds and node.name not in findings:
             started = time.perf_counter()
             with np.errstate(all="ignore"):  # as where the pixels were made
                 findings[node.name] = node.operation.find(inputs, node.parameters, pixels, device)
@@ -142,6 +146,18 @@ def by_method(node: Node, inputs: Inputs, device: Device | None) -> Array:
         if device is None:
             return body.numpy(single, node.parameters, knob)
         return body.opencl(device, single, node.parameters, knob)
+
+
+def in_one_pass(node: Node, inputs: Inputs, device: Device | None) -> tuple[Array, Mapping[str, Any]] | None:
+    """What a node makes by its chosen method and what it reports of it, where a device finds both at once."""
+    choice = node.choice
+    if device is None or choice is None or choice.method == TRUTH:
+        return None
+    finding = node.operation.methods[choice.method].finding
+    if finding is None:
+        return None
+    with np.errstate(all="ignore"):
+        return finding(device, _given(node, inputs, device), node.parameters, choice.knob or 0.0)
 
 
 def _tabled(node: Node, graph: Graph, inputs: Inputs, device: Device) -> bool:

@@ -193,6 +193,9 @@ class Method(Generic[P]):
     orderly: bool = False
     """whether its error is known at once, and no value of its knob makes it larger, rounding aside, than one before:
     the first that is accurate enough is then found in a few steps"""
+    finding: Callable[[Device, Inputs, P, float], tuple[Array, Mapping[str, Any]] | None] | None = None
+    """what its body for OpenCL makes, and what the operation reports of it, where both come out of one pass; None of
+    what is done in two"""
 
     @property
     def settings(self) -> tuple[float | None, ...]:
@@ -316,12 +319,13 @@ class Operation(Generic[P]):
         coded: bool = False,
         lightest: Callable[[P, float, InputFacts], float] | None = None,
         orderly: bool = False,
+        finding: Callable[[Device, Inputs, P, float], tuple[Array, Mapping[str, Any]] | None] | None = None,
     ) -> Callable[[type[Implementation[P]]], type[Implementation[P]]]:
         """Class decorator: registers a method; its docstring is the method's description."""
 
         def register(implementation: type[Implementation[P]]) -> type[Implementation[P]]:
             description = " ".join((implementation.__doc__ or "").split())
-            further = knob, unfit, stage, scratch, body, least, head, coded, lightest, orderly
+            further = knob, unfit, stage, scratch, body, least, head, coded, lightest, orderly, finding
             self.methods[name] = Method(name, description, implementation, error, work, rates, *further)
             return implementation
 

@@ -19,12 +19,16 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lichen.memory import aligned_empty
 from lichen.opencl.device import default_device
 from lichen.opencl.programs import compose
+
+if TYPE_CHECKING:
+    import pyopencl as cl
 
 Run = Callable[[], object]
 QUICK = "LICHEN_BENCH_QUICK"
@@ -260,21 +264,34 @@ def available() -> list[int]:
     return sorted(os.sched_getaffinity(0))
 
 
-def kernel_seconds(run: Run, rounds: int = 5) -> float:
-    """The median of what a run's kernels take, as the device tells it: sessions are given queues that note it."""
-    import pyopencl as cl
+class Noted:
+    """A run that notes which share of its time its kernels take, as the device tells it: meanwhile sessions are given
+    queues that note it. Only what is of one call can be compared: kernels of runs that stand behind each other find
+    pictures in a cache that copies between them empty, and the machine may have slowed down since."""
 
-    queue, launch = cl.CommandQueue, cl.enqueue_nd_range_kernel
-    noting = cl.command_queue_properties.PROFILING_ENABLE
-    launched: list[cl.Event] = []
-    cl.CommandQueue = lambda context, device: queue(context, device, properties=noting)
-    cl.enqueue_nd_range_kernel = lambda *given: launched.append(launch(*given))
-    taken = []
-    try:
-        for _ in range(1 if quick() else rounds):
-            launched.clear()
-            run()
-            taken.append(1e-9 * sum(each.profile.end - each.profile.start for each in launched))
-    finally:
-        cl.CommandQueue, cl.enqueue_nd_range_kernel = queue, launch
-    return statistics.median(taken)
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._calls: list[tuple[float, list[cl.Event]]] = []
+
+    def __call__(self) -> object:
+        import pyopencl as cl
+
+        queue, launch = cl.CommandQueue, cl.enqueue_nd_range_kernel
+        noting = cl.command_queue_properties.PROFILING_ENABLE
+        launched: list[cl.Event] = []
+        cl.CommandQueue = lambda context, device: queue(context, device, properties=noting)
+        cl.enqueue_nd_range_kernel = lambda *given: launched.append(launch(*given))
+        began = time.perf_counter()
+        try:
+            return self._run()
+        finally:
+            self._calls.append((time.perf_counter() - began, launched))
+            cl.CommandQueue, cl.enqueue_nd_range_kernel = queue, launch
+
+    @property
+    def share(self) -> float:
+        """The median of all calls."""
+        return statistics.median(
+            1e-9 * sum(each.profile.end - each.profile.start for each in launched) / seconds
+            for seconds, launched in self._calls
+        )

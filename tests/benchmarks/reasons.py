@@ -17,8 +17,8 @@ REASONS: dict[str, str] = {
         "What lies around the kernel counts beside nine taps that take no longer than their bytes."
     ),
     "laplacian, RGB": (
-        "Alone the kernel takes as long as the peer: a fifth of it goes into copying rows to where all borders look "
-        "alike, for five taps that take no longer than their bytes; what lies around it is the rest."
+        "Alone the kernel takes as long as the peer. A fifth of its work is to copy rows to where all borders look "
+        "alike, which two threads do while they wait for memory; what lies around it is the rest."
     ),
     "morphology, dilation 3 x 3, RGB": (
         "Alone the kernel takes little longer than its bytes, and less than the peer; what lies around it is the rest."
@@ -70,8 +70,9 @@ BOUNDS: dict[str, str] = {
         "square roots and divisions."
     ),
     "compare": (
-        "More than half of it is what is found beside the map, which is summed in doubles; the pictures are read once "
-        "more for that."
+        "Figures: the same pass that writes the map sums in doubles and counts codes of 8 and 16 bits and units in the "
+        "last place, which does not all hide behind memory. Before it a sample of the pixels bounds the largest "
+        "thousandth, which is ranked after it."
     ),
     "gamut": (
         "Two powers for each of three channels wherever one pixel of sixteen is beyond the threshold; and the picture "

@@ -10,9 +10,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 import lichen
+from lichen.opencl.device import default_device
 
 TINY = 48
 COMPARED = ("convolution", "tone", "colours", "warps", "compositing", "streamlines", "noises")
@@ -111,6 +113,20 @@ def documents(sections: ModuleType) -> Iterator[dict[str, Any]]:
     bars = sections.bars("bars", "Bars", "ms", ["decode", "encode"], {"png": {"decode": 2.0, "encode": 1.0}})
     told = sections.table("Told", ["a", "b"], [["x", 1.5]])
     yield {"part": "growth", "title": "Growth", "text": "A.", **about, "quick": True, "sections": [curves, bars, told]}
+
+
+def test_kernels_are_noted_of_the_very_runs_they_are_part_of(suite: ModuleType) -> None:
+    if default_device() is None:
+        pytest.skip("no device notes anything")
+    measuring = importlib.import_module("measuring")
+    picture = np.ones((256, 256, 3), np.float32)
+    noted = measuring.Noted(lambda: lichen.run("gamma", picture, gamma=2.2, device="opencl"))
+    made = [noted() for _ in range(3)]
+    assert np.array_equal(made[0].image.pixels, made[2].image.pixels)
+    assert 0 < noted.share < 1
+    idle = measuring.Noted(lambda: None)
+    idle()
+    assert idle.share == 0
 
 
 def test_slow_phases_are_dropped_and_counted(suite: ModuleType) -> None:

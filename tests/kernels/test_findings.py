@@ -18,7 +18,8 @@ from lichen import catalogue
 from lichen.errors import InvalidRequest, UnsupportedFormat
 from lichen.files import FORMATS, encode, probe
 from lichen.image import Image, Space, Storage
-from lichen.memory import Array
+from lichen.memory import Array, aligned
+from lichen.opencl.device import default_device
 from lichen.operation import (
     EXACT,
     POINTWISE,
@@ -92,6 +93,24 @@ def test_what_changes_nothing_still_reports(lift: Operation[Parameters]) -> None
     result = lichen.run("lift", np.full((2, 2), 0.5), lift=0, device="numpy")
     assert result.method == "identity"
     assert result.findings == {"before": 0.5, "after": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("compare", {}), ("compare", {"map": "signed", "metrics": []}), ("gamut", {"action": "report", "peak": 0.9})],
+)
+def test_what_one_pass_makes_and_finds_is_what_two_do(name: str, values: dict[str, Any]) -> None:
+    device = default_device()
+    if device is None:
+        pytest.skip("there is one pass on devices alone")
+    operation = lichen.operations()[name]
+    drawn = np.random.default_rng(4).random((2, 300, 301, 3), dtype=np.float32)
+    inputs = {each.name: Image(aligned(pixels)) for each, pixels in zip(operation.inputs, drawn, strict=False)}
+    result = lichen.run(name, **inputs, **values, device="opencl")
+    assert "findings" not in result.timing, "they came with the pixels"
+    parameters, method = operation.validate(values), operation.methods[result.method]
+    assert np.array_equal(result.image.pixels, method.implementation.opencl(device, inputs, parameters, 0.0))
+    assert result.findings == operation.find(inputs, parameters, result.image.pixels, device)
 
 
 def test_most_report_nothing() -> None:

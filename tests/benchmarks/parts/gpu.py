@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from comparing import Row, errors
-from measuring import Copies, Turns, available, kernel_seconds
+from measuring import Copies, Noted, Turns, available
 from parts import colours, compositing, convolution, streamlines, tone, warps
 from sections import Section, bars, table
 
@@ -53,32 +53,29 @@ def sections(tell: Callable[[str], None]) -> list[Section]:
     os.environ["LICHEN_DEVICE"] = found[0]  # nothing has chosen a device before
     turns = Turns(Copies(len(available())))
     rows: list[list[Any]] = []
-    runs: dict[str, tuple[Callable[[], lichen.Result], int]] = {}
+    shown: dict[str, dict[str, float]] = {}
     for row in chosen():
         inputs, values = row.inputs(row.side), row.values(row.side)
 
         def ours(row: Row = row, inputs: Any = inputs, values: Any = values) -> lichen.Result:
             return lichen.run(row.operation, **inputs, **values, **row.ask, device="opencl")
 
-        result = ours()
-        contestants: dict[str, Callable[[], object]] = {"lichen": ours}
+        result, noted = ours(), Noted(ours)
+        contestants: dict[str, Callable[[], object]] = {"lichen": noted}
         for peer in row.peers[:1]:
             contestants[peer.name] = peer.prepare(inputs, values)
         figures = turns(contestants)
         error, _ = errors(row, row.error_side, "opencl")
         moved = sum(each.pixels.nbytes for each in inputs.values()) + result.image.pixels.nbytes
-        runs[row.work] = ours, moved
-        rows.append(
-            [row.work, f"{figures.pop('lichen').median * 1e3:.1f}", f"{error:.1e}", f"{result.error.value:.1e}"]
-        )
+        took = figures.pop("lichen").median
+        kernels = noted.share * took
         peer, figure = next(iter(figures.items()), ("", None))
-        rows[-1] += [peer, "" if figure is None else f"{figure.median * 1e3:.1f}"]
-    shown: dict[str, dict[str, float]] = {}
-    for row, (work, (run, moved)) in zip(rows, runs.items(), strict=True):
-        kernels = kernel_seconds(run)
-        row[2:2] = [f"{kernels * 1e3:.3f}", f"{moved / kernels / 1e9:.0f}"]
-        shown[work] = {"kernels": kernels * 1e3}
-        tell(f"{work}: {row[1]} ms, of which kernels {row[2]}")
+        rows.append([
+            row.work, f"{took * 1e3:.1f}", f"{kernels * 1e3:.3f}", f"{moved / kernels / 1e9:.0f}", f"{error:.1e}",
+            f"{result.error.value:.1e}", peer, "" if figure is None else f"{figure.median * 1e3:.1f}",
+        ])  # fmt: skip
+        shown[row.work] = {"kernels": kernels * 1e3}
+        tell(f"{row.work}: {took * 1e3:.1f} ms, of which kernels {kernels * 1e3:.3f}")
     head = ["work", "whole run, ms", "kernels, ms", "GB/s", "largest error", "stated", "peer", "its ms"]
     return [
         table("", head, rows, f"On {found[0]}. GB/s: pictures read and written, over the time of the kernels."),

@@ -50,7 +50,7 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.colour.gamut_cases import CASES
-from lichen.operations.colour.gamut_outside import Outside, outside, worthwhile
+from lichen.operations.colour.gamut_outside import outside, worthwhile
 from lichen.operations.colour.primaries import Primaries, between
 from lichen.processors import each
 
@@ -330,16 +330,17 @@ def _told(shares: Array, farthest: float) -> Mapping[str, Any]:
 
 
 def _find_on(device: Device, inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
-    image = inputs["image"]
-    if not worthwhile(device, image):
+    if not worthwhile(device, inputs["image"]):
         return findings(inputs, p, pixels)
-    found = _looked_at(device, image, p, shown=False)
-    return _told(np.array([*found.by_channel, found.by_any]) / image.pixels[..., 0].size, found.distance)
+    return _looked_at(device, inputs["image"], p, shown=False)[1]
 
 
-def _looked_at(device: Device, image: Image, p: Parameters, *, shown: bool) -> Outside:
+def _looked_at(device: Device, image: Image, p: Parameters, *, shown: bool) -> tuple[Array | None, Mapping[str, Any]]:
+    """The report, if it is to be `shown`, and the findings."""
     there = None if p.source is p.target else between(p.source, p.target)[0]
-    return outside(device, image, there, p.peak, shown=shown)
+    found = outside(device, image, there, p.peak, shown=shown)
+    shares = np.array([*found.by_channel, found.by_any]) / (image.height * image.width)
+    return found.shown, _told(shares, found.distance)
 
 
 gamut.find_on = _find_on
@@ -376,11 +377,22 @@ def _launch(device: Device, image: Image, p: Parameters) -> Array:
     return out
 
 
+def _reported(
+    device: Device, inputs: Inputs, p: Parameters, knob: float = 0.0
+) -> tuple[Array, Mapping[str, Any]] | None:
+    """The report and the findings, for which pixels are looked at alike; None where there is none to make so."""
+    if p.action is not Action.REPORT or not worthwhile(device, inputs["image"]):
+        return None
+    made, told = _looked_at(device, inputs["image"], p, shown=True)
+    return None if made is None else (made, told)
+
+
 @gamut.method(
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].pixels * (8.0 if p.moves else 1.0),
     rates={"opencl": Rate(3e-4, 1.2e-9), "numpy": Rate(1e-4, 3e-8)},
+    finding=_reported,
 )
 class Exact:
     """The action in float32, sixteen pixels at a time; the report in float64."""
@@ -390,8 +402,8 @@ class Exact:
         image = inputs["image"]
         if parameters.action is not Action.REPORT:
             return _launch(device, image, parameters)
-        made = _looked_at(device, image, parameters, shown=True).shown if worthwhile(device, image) else None
-        return Exact.numpy(inputs, parameters, knob) if made is None else made
+        both = _reported(device, inputs, parameters)
+        return Exact.numpy(inputs, parameters, knob) if both is None else both[0]
 
     @staticmethod
     def numpy(inputs: Inputs, parameters: Parameters, knob: float) -> Array:

@@ -214,11 +214,23 @@ def truth(inputs: Inputs, p: Parameters) -> Array:
     return _mapped(inputs, p)
 
 
+def _at_once(
+    device: Device, inputs: Inputs, p: Parameters, knob: float = 0.0
+) -> tuple[Array, Mapping[str, Any]] | None:
+    """Map and figures in one pass; None of what is seen, and of few pixels."""
+    image, reference = inputs["image"], inputs["reference"]
+    if p.seen or not worthwhile(device, image, reference):
+        return None
+    out = aligned_empty(image.pixels.shape)
+    return out, _figures_on(device, inputs, p, out, out)
+
+
 @compare.method(
     "exact",
     error=_error,
     work=lambda p, knob, facts: facts["image"].samples * {Map.CIEDE2000: 300.0, Map.FLIP: 800.0}.get(p.map, 1.0),
     rates={"opencl": Rate(3e-4, 1e-9), "numpy": Rate(1e-4, 1.1e-8)},
+    finding=_at_once,
 )
 class Exact:
     """Differences in float32; what is seen in doubles, on the host."""
@@ -227,6 +239,9 @@ class Exact:
     def opencl(device: Device, inputs: Inputs, p: Parameters, knob: float) -> Array:
         if p.seen:
             return Exact.numpy(inputs, p, knob)
+        both = _at_once(device, inputs, p)
+        if both is not None:
+            return both[0]
         image, reference = inputs["image"], inputs["reference"]
         out = aligned_empty(image.pixels.shape)
         defines: dict[str, int | float | str] = {
@@ -269,11 +284,19 @@ def _found(
 
 
 def _find_on(device: Device, inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
-    image, reference = inputs["image"], inputs["reference"]
-    if not worthwhile(device, image, reference):
+    if not worthwhile(device, inputs["image"], inputs["reference"]):
         return findings(inputs, p, pixels)
-    wanted = {name: each in p.metrics for name, each in (("codes", Metric.CODES), ("ulps", Metric.ULPS))}
-    found = figures(device, image, reference.pixels, p.margin if Metric.REGIONS in p.metrics else 0, **wanted)
+    return _figures_on(device, inputs, p, pixels)
+
+
+def _figures_on(
+    device: Device, inputs: Inputs, p: Parameters, pixels: Array, out: Array | None = None
+) -> Mapping[str, Any]:
+    """The same by a device, which fills `out` with the map meanwhile."""
+    found = figures(
+        device, inputs["image"], inputs["reference"].pixels, p.margin if Metric.REGIONS in p.metrics else 0,
+        codes=Metric.CODES in p.metrics, ulps=Metric.ULPS in p.metrics, out=out, signed=p.map is Map.SIGNED,
+    )  # fmt: skip
     known: dict[Metric, Figures] = {
         Metric.REGIONS: (("border", found.border), ("inside", found.inside)),
         Metric.CODES: (("codes", found.codes),),

@@ -1,4 +1,5 @@
-"""The figures of two pictures' differences by differences.cl: those of `lichen.accuracy.metrics`, in one pass.
+"""The figures of two pictures' differences by differences.cl: those of `lichen.accuracy.metrics`, in one pass,
+which can write the map, too: it waits for memory anyway, and two kernels read both pictures twice.
 
 Sums are taken in doubles over runs of `RUN` samples and the runs' sums are added exactly, so they depend on nothing
 but the pictures. Of the largest thousandth the kernel keeps what exceeds a bound from a sample of the pixels; where
@@ -49,8 +50,11 @@ def worthwhile(device: Device, *pictures: Image) -> bool:
     return single and device.has_fp64 and pictures[0].pixels.size >= FEWEST
 
 
-def figures(device: Device, image: Image, reference: Array, margin: int, *, codes: bool, ulps: bool) -> Figures:
-    """Of float32 pictures of one shape."""
+def figures(
+    device: Device, image: Image, reference: Array, margin: int, *, codes: bool, ulps: bool,
+    out: Array | None = None, signed: bool = False,
+) -> Figures:  # fmt: skip
+    """Of float32 pictures of one shape, whose differences `out` gets meanwhile: signed, or how large they are."""
     height, width, channels = image.pixels.shape
     made, exact = (each.reshape(-1, channels) for each in (image.pixels, reference))
     bound = high_bound(made, exact, image.alpha)
@@ -59,17 +63,19 @@ def figures(device: Device, image: Image, reference: Array, margin: int, *, code
     with device.session() as session:
         session.launch(
             "statistics/differences.cl", "differences", (len(parts),),
-            aligned(image.pixels), aligned(reference), session.write(parts), session.write(high),
-            session.readwrite(kept), np.uint32(high.size), np.float64(bound), np.uint64(RUN), np.uint64(made.size),
-            np.uint64(width * channels), np.uint64(min(margin, width) * channels), np.uint64(margin),
+            aligned(image.pixels), aligned(reference), None if out is None else session.write(out),
+            session.write(parts), session.write(high), session.readwrite(kept), np.uint32(high.size),
+            np.float64(bound), np.uint64(RUN), np.uint64(made.size), np.uint64(width * channels),
+            np.uint64(min(margin, width) * channels), np.uint64(margin),
             local=(1,),
             defines={
                 "COVERAGE": channels if image.alpha is Alpha.STRAIGHT else 0, "CODES": int(codes), "ULPS": int(ulps),
+                "MAP": 0 if out is None else 1 + signed,
             },
         )  # fmt: skip
     sums, largest, taken = parts.sum(axis=0), parts.max(axis=0), int(kept[0])
     counts = sums[3], sums[7]
-    added, squares = ([math.fsum(parts[:, first]) for first in (at, at + 4)] for at in (0, 1))
+    added, squares = ([math.fsum(parts[:, first].tolist()) for first in (at, at + 4)] for at in (0, 1))
     inner = max(height - 2 * margin, 0) * max(width - 2 * margin, 0)
     border, inside = (
         {"largest": float(largest[4 * k + 2]), "rms": _rms(squares[k], counts[k])} if pixels else None

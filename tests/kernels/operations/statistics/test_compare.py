@@ -160,6 +160,60 @@ def test_a_device_finds_the_same_figures(pictures: tuple[Array, Array], alpha: A
             assert made[name] == figure, name
 
 
+@pytest.mark.parametrize("alpha", [Alpha.NONE, Alpha.STRAIGHT])
+@pytest.mark.parametrize("kind", ["absolute", "signed"])
+def test_the_map_beside_the_figures_is_the_same(kind: str, alpha: Alpha) -> None:
+    """Of pictures from the size on that a device takes in one pass, whose rows begin anywhere in a cache line."""
+    first, second = RNG.random((2, 521, 331, 4), dtype=np.float32)
+    first[5, 7, 1] = second[5, 8, 2] = np.nan
+    second[520, 330, 0], first[0, 0, 2] = np.inf, 1e30
+    made, exact = (
+        lichen.run(
+            "compare",
+            Image(first, Space.SRGB, alpha),
+            reference=Image(second, Space.SRGB, alpha),
+            map=kind,
+            device=each,
+        )
+        for each in BACKENDS
+    )
+    assert first.size > differences.FEWEST
+    np.testing.assert_allclose(made.image.pixels, exact.image.pixels, rtol=2e-7, atol=0, equal_nan=True)
+    if alpha is Alpha.NONE:
+        apart = first - second
+        np.testing.assert_array_equal(made.image.pixels, apart if kind == "signed" else np.abs(apart))
+
+
+def test_the_most_codes_apart_are_found_wherever_they_are() -> None:
+    """Where each pixel is one more apart, where codes change, and where all are one apart or none."""
+    places = np.arange(1 << 18).reshape(512, 512, 1)
+    rising = ((places % 65536) / 65535).astype(np.float32)
+    halves = ((places % 65535 + 0.5) / 65535).astype(np.float32)
+    above = np.nextafter(halves, np.float32(2), dtype=np.float32)
+    one = np.full_like(rising, 100 / 255)
+    straddling = []
+    for levels in (255, 65535):  # of samples that are hardly further apart than the others one is a code further
+        codes = np.broadcast_to([100.0, 103.0], (512, 512, 2)).copy()
+        codes[300, 7] = 100.49, 103.51
+        first, second = np.moveaxis(codes[..., np.newaxis] / levels, 2, 0).astype(np.float32)
+        straddling.append((first, second))
+    for first, second in (
+        (rising, np.zeros_like(rising)),
+        (rising[::-1], np.ones_like(rising)),
+        (halves, above),
+        (one, one + np.float32(0.9 / 255)),
+        (one, np.nextafter(one, np.float32(2), dtype=np.float32)),
+        (one - 1, one + 1),
+        (rising * 3 - 1, halves * 2),
+        *straddling,
+    ):
+        made, exact = (
+            lichen.run("compare", first, reference=second, metrics=["codes"], device=each).findings["codes"]
+            for each in BACKENDS
+        )
+        assert made == exact
+
+
 def test_the_most_units_apart_are_found_where_each_pixel_has_one_more() -> None:
     """Though others are further apart; the most are amid a row."""
     ahead = np.roll(np.arange(1 << 18, dtype=np.int32), 300).reshape(512, 512, 1)
