@@ -15,7 +15,7 @@
 // load of what it has stored.
 //
 // Rows of tiles that meet no border, summed straight from the image instead of being staged first, take 1.0 of the time
-// for a Laplacian of 2048 x 2048 RGB, and 1.15 to 1.3 for 3 x 3 and 5 x 5 dense taps of RGBA: rows lie a multiple of 4 kB
+// for a Laplacian of 2048 x 2048 RGB, and 1.1 to 1.5 for 3 x 3 and 5 x 5 dense taps of RGBA: rows lie a multiple of 4 kB
 // apart, and fight for the same cache sets.
 //
 // A zero tap is in no run, so no NaN leaves the taps that are there. `width` and all strides count floats.
