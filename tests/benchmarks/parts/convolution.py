@@ -9,6 +9,7 @@ import numpy as np
 from comparing import Call, Images, Peer, Prepare, Row, Values, noise, target
 from skimage import filters
 
+from lichen.operations.convolution.gaussian_turned import Turned, stencil
 from lichen.operations.convolution.gaussian_weights import fir_radius
 
 TITLE = "Convolution"
@@ -36,6 +37,14 @@ def blur(taps: int = 0) -> Peer:
         "GaussianBlur",
         lambda x, y, values: cv2.GaussianBlur(x, (taps, taps), values["sigma"], dst=y, borderType=BORDER),
     )
+
+
+def turned(along: float, across: float, angle: float) -> Row:
+    """OpenCV is given the kernel; from some size on it multiplies spectra, too."""
+    taps = stencil(Turned(along, across, angle), 1e-7).taps
+    peer = opencv("filter2D", lambda x, y, values: cv2.filter2D(x, -1, taps, dst=y, borderType=BORDER))
+    values = {"sigma": along, "sigma_y": across, "angle": angle}
+    return Row(f"gaussian, {along:g} x {across:g} turned by {angle:g} degrees, RGB", "gaussian", values, (peer,))
 
 
 def as_many_taps() -> float:
@@ -98,6 +107,7 @@ ROWS = (
         {"max_error": 1e-3}),
     Row("gaussian, sigma 5, RGBA, 31 taps each", "gaussian", {"sigma": SIGMA}, (blur(TAPS),), noise(4),
         {"method": "fir", "tail": as_many_taps()}),
+    turned(4, 1, 30), turned(20, 5, 30),
     Row("sharpen, sigma 2, RGB", "sharpen", {"sigma": 2.0, "amount": 1.0}, (
         opencv("GaussianBlur, addWeighted", unsharp),)),
     *(dense(size) for size in (3, 7, 15)),

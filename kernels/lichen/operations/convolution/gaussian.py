@@ -18,6 +18,7 @@ Methods, cheapest first where the blur is wide:
   to 1, so one pass is wrong by at most the weight cut off times the spread of the input, and two passes by twice that.
   Where the kernel is longer than the image the taps are folded onto the image by the border rule, which is exact and
   bounds the work. A kernel with turned axes becomes a sum of columns times rows that leaves at most `tail` of it.
+* `fft`, for turned axes, multiplies spectra, so that its time hardly depends on the kernel.
 * `multirate` is two narrower Gaussians down the image, of the first of which every s-th row is kept, and `fir` along
   those few rows. The wider the blur, the fewer there are; the work hardly depends on it.
 * `dct`, for the reflecting border: the cosine transform diagonalises a symmetric kernel there, and a wide Gaussian
@@ -39,25 +40,24 @@ import math
 import numpy as np
 
 from lichen.image import Alpha, Extent, Image
-from lichen.memory import Array, aligned_empty
+from lichen.memory import Array
 from lichen.opencl.device import Device
 from lichen.operation import Border, Facts, Footprint, Input, InputFacts, Inputs, Knob, Light, Operation, Rate
 from lichen.operations.convolution import gaussian_base as base
-from lichen.operations.convolution import gaussian_turned, lowrank, missing, multirate
+from lichen.operations.convolution import gaussian_recursions as recursions
+from lichen.operations.convolution import gaussian_turned, missing, multirate
 from lichen.operations.convolution.boxes import boxes_numpy, boxes_opencl
 from lichen.operations.convolution.gaussian_base import Parameters, masked_radius
 from lichen.operations.convolution.gaussian_cases import CASES
-from lichen.operations.convolution.gaussian_turned import Turned
+from lichen.operations.convolution.gaussian_dct import dct_numpy, dct_opencl
 from lichen.operations.convolution.gaussian_weights import (
     MOST_TAIL,
-    dct_bases,
     fir_radius,
     fir_weights,
     half_kernel,
 )
 from lichen.operations.convolution.passes import (
     SOURCE,
-    Steps,
     Vector,
     folded,
     rows_laid_out,
@@ -65,7 +65,6 @@ from lichen.operations.convolution.passes import (
     separable_opencl,
 )
 from lichen.operations.convolution.recursive import recursive_numpy, recursive_opencl
-from lichen.operations.convolution.stencil import Stencil, correlate_numpy, correlate_opencl
 from lichen.stage import Head, Tail
 
 __all__ = ["Parameters", "gaussian"]
@@ -192,6 +191,7 @@ def _fir_head(p: Parameters, tail: float, facts: InputFacts) -> Head | None:
     error=base.fir_error,
     orderly=True,
     work=base.fir_work,
+    lightest=base.fir_lightest,
     rates={"opencl": Rate(5e-4, 2.2e-11), "numpy": Rate(2e-4, 7e-11)},
 )
 class Fir:
@@ -201,9 +201,7 @@ class Fir:
     def opencl(device: Device, inputs: Inputs, p: Parameters, tail: float) -> Array:
         image, turned = inputs["image"], p.turned
         if turned is not None:
-            if image.extent.nonfinite:
-                return correlate_opencl(device, image, _stencil(turned, tail), p.border, p.value)
-            return lowrank.summed_opencl(device, image.pixels, _passes(turned, tail, p.value), p.border, p.value)
+            return gaussian_turned.summed_opencl(device, image, turned, tail, p.border, p.value)
         if missing.leaves_out(p.missing, inputs):
 
             def mean(pixels: Array, border: Border, value: float) -> Array:
@@ -217,9 +215,7 @@ class Fir:
     def numpy(inputs: Inputs, p: Parameters, tail: float) -> Array:
         image, turned = inputs["image"], p.turned
         if turned is not None:
-            if image.extent.nonfinite:
-                return correlate_numpy(image, _stencil(turned, tail), p.border, p.value)
-            return lowrank.summed_numpy(image.pixels, _passes(turned, tail, p.value), p.border, p.value)
+            return gaussian_turned.summed_numpy(image, turned, tail, p.border, p.value)
         if missing.leaves_out(p.missing, inputs):
 
             def mean(pixels: Array, border: Border, value: float) -> Array:
@@ -230,15 +226,26 @@ class Fir:
         return separable_numpy(image, down, across, p.border, p.value)
 
 
-def _stencil(turned: Turned, tail: float) -> Stencil:
-    taps = gaussian_turned.cut(turned, tail)[0]
-    return Stencil(taps, taps.shape[0] // 2, taps.shape[1] // 2)
+@gaussian.method(
+    "fft",
+    scratch=4.3,
+    knob=Knob("bits", (24.0, 53.0), "precision of the transforms: float32 or float64", 24, 53),
+    error=base.spectral_error,
+    work=base.spectral_work,
+    rates={"opencl": Rate(1e-3, 2.6e-8), "numpy": Rate(1e-3, 2.6e-8)},
+    unfit=base.spectral_unfit,
+)
+class Fft:
+    """The product of spectra, on the processor, where the axes are turned."""
 
+    @staticmethod
+    def opencl(device: Device, inputs: Inputs, p: Parameters, bits: float) -> Array:
+        return Fft.numpy(inputs, p, bits)
 
-def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
-    taps = gaussian_turned.cut(turned, tail)[0]
-    terms = gaussian_turned.taken_apart(turned, tail)[0]
-    return lowrank.passes(terms, taps.shape[0] // 2, taps.shape[1] // 2, 0.0, value)
+    @staticmethod
+    def numpy(inputs: Inputs, p: Parameters, bits: float) -> Array:
+        assert p.turned is not None, "the planner takes other methods where axes are not turned"
+        return gaussian_turned.by_spectra(inputs["image"], p.turned, bits, p.border, p.value)
 
 
 def _few_rows(p: Parameters, tail: float) -> tuple[multirate.Filters, Vector]:
@@ -294,107 +301,81 @@ class Dct:
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, tail: float) -> Array:
-        return _dct_opencl(device, inputs["image"], p, tail)
+        return dct_opencl(device, inputs["image"].pixels, p.deviations, p.border, tail)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, tail: float) -> Array:
-        pixels = inputs["image"].pixels
-        height, width, channels = pixels.shape
-        down, up = dct_bases(p.deviations[0], height, tail)
-        left, right = dct_bases(p.deviations[1], width, tail)
-        few = down @ pixels.reshape(height, -1)
-        few = few.reshape(-1, width, channels).transpose(1, 0, 2).reshape(width, -1)
-        few = right @ (left @ few)
-        few = few.reshape(width, -1, channels).transpose(1, 0, 2).reshape(-1, width * channels)
-        out = aligned_empty(pixels.shape)
-        np.matmul(up, few, out=out.reshape(height, -1))
-        return out
-
-
-def _dct_opencl(device: Device, image: Image, p: Parameters, tail: float) -> Array:
-    """Down the image to K rows, those to K x K modes and back, up to the image: four products and two flips."""
-    height, width, channels = image.pixels.shape
-    down, up = dct_bases(p.deviations[0], height, tail)
-    left, right = dct_bases(p.deviations[1], width, tail)
-    out = aligned_empty(image.pixels.shape)
-    with device.session() as session:
-        steps = Steps(session, p.border)
-        few, again = (session.scratch((len(down), width, channels)) for _ in range(2))
-        turned, back = (session.scratch((width, len(down), channels)) for _ in range(2))
-        modes = session.scratch((len(left), len(down), channels))
-        steps.multiply(down, None, image.pixels, few)
-        steps.flip(few, turned)
-        steps.multiply(left, None, turned, modes)
-        steps.multiply(right, None, modes, back)
-        steps.flip(back, again)
-        steps.multiply(up, None, again, out)
-    return out
+        return dct_numpy(inputs["image"].pixels, p.deviations, tail)
 
 
 @gaussian.method(
     "deriche",
     scratch=2.1,
     knob=Knob("order", (2, 4, 6, 8), "exponentials in the response", 2, 8),
-    error=base.recursive_error(base.deriche_filters),
-    least=base.least_error("deriche"),
-    work=base.deriche_work,
+    error=recursions.recursive_error(recursions.deriche_filters),
+    least=recursions.least_error("deriche"),
+    work=recursions.deriche_work,
     body="recursive",
     rates={"opencl": Rate(7e-4, 1e-11), "numpy": Rate(7e-4, 8e-11)},
-    unfit=base.recursive_unfit,
+    unfit=recursions.recursive_unfit,
 )
 class Deriche:
     """Sums of damped waves, fitted to the Gaussian, run along each line from both ends."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, order: float) -> Array:
-        return recursive_opencl(device, inputs["image"].pixels, *base.deriche_filters(p, order), p.border, p.value)
+        return recursive_opencl(
+            device, inputs["image"].pixels, *recursions.deriche_filters(p, order), p.border, p.value
+        )
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, order: float) -> Array:
-        return recursive_numpy(inputs["image"].pixels, *base.deriche_filters(p, order), p.border, p.value)
+        return recursive_numpy(inputs["image"].pixels, *recursions.deriche_filters(p, order), p.border, p.value)
 
 
 @gaussian.method(
     "vliet-young",
     scratch=2.1,
     knob=Knob("poles", (3, 4, 5), "poles of the all-pole filter", 3, 5),
-    error=base.recursive_error(base.vliet_young_filters),
-    least=base.least_error("vliet-young"),
-    work=base.vliet_young_work,
+    error=recursions.recursive_error(recursions.vliet_young_filters),
+    least=recursions.least_error("vliet-young"),
+    work=recursions.vliet_young_work,
     body="recursive",
     rates={"opencl": Rate(7e-4, 1e-11), "numpy": Rate(7e-4, 8e-11)},
-    unfit=base.vliet_young_unfit,
+    unfit=recursions.vliet_young_unfit,
 )
 class VlietYoung:
     """The all-pole filter of exactly the variance wanted, run along each line from both ends."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, order: float) -> Array:
-        return recursive_opencl(device, inputs["image"].pixels, *base.vliet_young_filters(p, order), p.border, p.value)
+        return recursive_opencl(
+            device, inputs["image"].pixels, *recursions.vliet_young_filters(p, order), p.border, p.value
+        )
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, order: float) -> Array:
-        return recursive_numpy(inputs["image"].pixels, *base.vliet_young_filters(p, order), p.border, p.value)
+        return recursive_numpy(inputs["image"].pixels, *recursions.vliet_young_filters(p, order), p.border, p.value)
 
 
 @gaussian.method(
     "box3",
     scratch=3.2,
     knob=Knob("extended", (0, 1), "1: boxes with parts of pixels at their ends", 0, 1, rising=False),
-    error=base.boxes_error,
-    least=base.least_error("box3"),
-    work=base.boxes_work,
+    error=recursions.boxes_error,
+    least=recursions.least_error("box3"),
+    work=recursions.boxes_work,
     rates={"opencl": Rate(6e-4, 1e-11), "numpy": Rate(2.5e-4, 1.4e-10)},
-    unfit=base.recursive_unfit,
+    unfit=recursions.recursive_unfit,
 )
 class Box3:
     """Three running means along each line, of whole pixels or with parts of pixels at their ends."""
 
     @staticmethod
     def opencl(device: Device, inputs: Inputs, p: Parameters, extended: float) -> Array:
-        down, across = base.both_boxes(p, extended)
+        down, across = recursions.both_boxes(p, extended)
         return boxes_opencl(device, inputs["image"].pixels, down, across, p.border, p.value)
 
     @staticmethod
     def numpy(inputs: Inputs, p: Parameters, extended: float) -> Array:
-        return boxes_numpy(inputs["image"].pixels, *base.both_boxes(p, extended), p.border, p.value)
+        return boxes_numpy(inputs["image"].pixels, *recursions.both_boxes(p, extended), p.border, p.value)

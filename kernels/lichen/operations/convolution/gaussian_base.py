@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Annotated, NamedTuple
 
@@ -12,31 +11,17 @@ from pydantic import Field
 from lichen.errors import Flaw
 from lichen.once import latest
 from lichen.operation import ROUNDING, Border, Degrees, Error, InputFacts, OperationParameters, Pixels
-from lichen.operations.convolution import gaussian_turned, lowrank
-from lichen.operations.convolution.boxes import Boxes, boxes, boxes_distance
+from lichen.operations.convolution import gaussian_turned
 from lichen.operations.convolution.gaussian_turned import Turned
 from lichen.operations.convolution.gaussian_weights import NORMAL, dct_modes, fir_radius, modes_about
 from lichen.operations.convolution.missing import Missing, check_mask, leaves_out, renormalised_error
 from lichen.operations.convolution.multirate import WIDEST, Rates, in_bands, rates, step_of
 from lichen.operations.convolution.passes import rows_laid_out
-from lichen.operations.convolution.recursive import BLOCK
-from lichen.operations.convolution.recursive_filters import (
-    NARROWEST,
-    Filter,
-    deriche,
-    deriche_extent,
-    distance,
-    rounding,
-    vliet_young,
-    vliet_young_extent,
-)
 from lichen.operations.convolution.stencil import banded
 from lichen.processors import threads
 
 MOST_MODES = 1536
 """Modes that the dct method keeps at most; a kernel that passes more is narrow enough for fir."""
-RECURSIVE = 1000.0
-"""px; wider filters have poles so near to 1 that float32 keeps too little of their distance from it."""
 
 
 Width = Annotated[Pixels, Field(ge=0, le=1e5)]
@@ -134,20 +119,12 @@ def fir_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
     """Truncation, proved; plus rounding: n taps added in any order lose at most n + 1 roundings of the magnitude."""
     (wide, magnitude), request = spread(p, facts), asked(p, facts)
     if request.turned is not None:
-        return _turned_error(request.turned, tail, wide, magnitude)
+        return gaussian_turned.error(request.turned, tail, wide, magnitude)
     rounding = 1.01 * (sum(_taps(request, tail)) + 4) * ROUNDING * magnitude
     if request.renormalised:
         return renormalised_error(rounding, magnitude)
     cut = sum(fir_radius(sigma, tail)[1] for sigma, _ in request.sides)
     return Error(cut * wide + rounding, "bound", rounding)
-
-
-def _turned_error(turned: Turned, tail: float, wide: float, magnitude: float) -> Error:
-    """The weight outside the cut kernel, and what its products leave of what is inside."""
-    outside = gaussian_turned.cut(turned, tail)[1]
-    terms, left = gaussian_turned.taken_apart(turned, tail)
-    rounding = lowrank.rounding(terms, magnitude, 0.0)
-    return Error(outside * wide + lowrank.dropped(left, -magnitude, magnitude) + rounding, "bound", rounding)
 
 
 def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
@@ -157,13 +134,18 @@ def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     """
     image, request = facts["image"], asked(p, facts)
     if request.turned is not None:
-        terms = len(gaussian_turned.taken_apart(request.turned, tail)[0])
-        return image.samples * terms * (sum(gaussian_turned.cut(request.turned, tail)[0].shape) + 60.0)
+        return gaussian_turned.work(request.turned, tail, image)
     tall, wide = _taps(request, tail)
     if request.renormalised:
         return 2 * image.samples * (MOVED + tall + wide)
     folded = sum(size * size for sigma, size in request.sides if 2 * fir_radius(sigma, tail)[0] >= size)
     return _passed(image.height, image.width, image.channels, tall, wide, request.working) + FOLDED * folded
+
+
+def fir_lightest(p: Parameters, tail: float, facts: InputFacts) -> float:
+    """Where it takes long to take a kernel apart."""
+    turned = asked(p, facts).turned
+    return 0.0 if turned is None else gaussian_turned.least_work(turned, tail, facts["image"])
 
 
 @lru_cache(1024)
@@ -184,6 +166,29 @@ def _passed(height: int, width: int, channels: int, tall: int, wide: int, workin
 MOVED, STAGED, FOLDED, KEPT = 122, 10, 700, 34
 """Multiply-adds that take as long as moving a sample through both passes, as reading it into a tile, as folding into
 one number of a matrix, or as writing a sample between passes and reading it again."""
+
+
+# -------------------------------------------------------------------------------------------------------------- fft
+
+
+@latest
+def _sides(p: Parameters, facts: InputFacts) -> tuple[int, int]:
+    turned = asked(p, facts).turned
+    return gaussian_turned.spectral_sides(p.deviations if turned is None else turned.deviations, facts["image"])
+
+
+def spectral_error(p: Parameters, bits: float, facts: InputFacts) -> Error:
+    return gaussian_turned.spectral_error(bits, _sides(p, facts), *spread(p, facts))
+
+
+def spectral_work(p: Parameters, bits: float, facts: InputFacts) -> float:
+    return gaussian_turned.spectral_work(bits, _sides(p, facts), facts["image"].channels)
+
+
+def spectral_unfit(p: Parameters, facts: InputFacts) -> str | None:
+    if asked(p, facts).turned is None:
+        return "rows and columns can be filtered one after the other, which is quicker"
+    return "a transform would spread NaN and infinity over the whole image" if facts["image"].extent.nonfinite else None
 
 
 # -------------------------------------------------------------------------------------------------------------- dct
@@ -213,7 +218,7 @@ def dct_work(p: Parameters, tail: float, facts: InputFacts) -> float:
 def dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
     if p.border is not Border.REFLECT:
         return f"the border is {p.border}; a cosine transform continues by reflection"
-    if reason := _not_plain(p, facts):
+    if reason := not_plain(p, facts):
         return reason
     sides = [(sigma, size) for sigma, size in asked(p, facts).sides if size > MOST_MODES]
     if any(dct_modes(sigma, size, 1e-7)[0] > MOST_MODES for sigma, size in sides):
@@ -223,7 +228,7 @@ def dct_unfit(p: Parameters, facts: InputFacts) -> str | None:
     return None
 
 
-def _not_plain(p: Parameters, facts: InputFacts) -> str | None:
+def not_plain(p: Parameters, facts: InputFacts) -> str | None:
     request = asked(p, facts)
     if request.turned is not None:
         return "its axes are turned; rows and columns cannot be filtered one after the other"
@@ -232,12 +237,18 @@ def _not_plain(p: Parameters, facts: InputFacts) -> str | None:
     return None
 
 
+def within(p: Parameters, low: float, high: float) -> tuple[float, float]:
+    """The deviations as far as a method takes them: what it is predicted to do where it is unfit is of no use."""
+    down, across = (min(max(sigma, low), high) for sigma in p.deviations)
+    return down, across
+
+
 # -------------------------------------------------------------------------------------------------------- multirate
 
 
 def multirate_filters(p: Parameters, tail: float) -> tuple[Rates, int, float]:
     """Down the image; and the radius along it, with the weight beyond that."""
-    down, across = _within(p, 1.0, WIDEST)
+    down, across = within(p, 1.0, WIDEST)
     return rates(down, tail), *fir_radius(across, tail)
 
 
@@ -260,7 +271,7 @@ def multirate_work(p: Parameters, tail: float, facts: InputFacts) -> float:
 
 def multirate_lightest(p: Parameters, tail: float, facts: InputFacts) -> float:
     """With a tap less at either end than Gaussians that are not sampled would need."""
-    down, across = _within(p, 1.0, WIDEST)
+    down, across = within(p, 1.0, WIDEST)
     step, part = step_of(down, tail), down / math.sqrt(2)
     above, beside = (max(-NORMAL.inv_cdf(beyond) * s - 1, 0.0) for s, beyond in ((part, tail / 8), (across, tail / 2)))
     kept = (2 * above + 1 + 1.6 * (2 * beside + 1) + KEPT) / step
@@ -268,7 +279,7 @@ def multirate_lightest(p: Parameters, tail: float, facts: InputFacts) -> float:
 
 
 def multirate_unfit(p: Parameters, facts: InputFacts) -> str | None:
-    if reason := _not_plain(p, facts):
+    if reason := not_plain(p, facts):
         return reason
     if facts["image"].extent.nonfinite:
         return "two filters in a row would spread NaN and infinity further than the kernel reaches"
@@ -278,122 +289,3 @@ def multirate_unfit(p: Parameters, facts: InputFacts) -> str | None:
     if down < 1:
         return f"a kernel as narrow as {down:g} px leaves out no rows"
     return None
-
-
-# ---------------------------------------------------------------------------------------------- recursions and boxes
-
-
-def _within(p: Parameters, low: float, high: float = RECURSIVE) -> tuple[float, float]:
-    """The deviations as far as a method takes them: what it is predicted to do where it is unfit is of no use."""
-    down, across = (min(max(sigma, low), high) for sigma in p.deviations)
-    return down, across
-
-
-def deriche_filters(p: Parameters, order: float) -> tuple[Filter, Filter]:
-    """Down and across, of the largest even order that is not above the knob."""
-    down, across = _within(p, 1e-2)
-    return deriche(down, int(order) // 2 * 2), deriche(across, int(order) // 2 * 2)
-
-
-def vliet_young_filters(p: Parameters, order: float) -> tuple[Filter, Filter]:
-    down, across = _within(p, NARROWEST)
-    return vliet_young(down, int(order)), vliet_young(across, int(order))
-
-
-Filters = Callable[[Parameters, float], tuple[Filter, Filter]]
-
-
-def recursive_error(filters: Filters) -> Callable[[Parameters, float, InputFacts], Error]:
-    """The filters' distances from the Gaussian, the second meeting what the first has made; and rounding."""
-
-    def error(p: Parameters, order: float, facts: InputFacts) -> Error:
-        wide, magnitude = spread(p, facts)
-        (down, across), (below, beside) = filters(p, order), _within(p, 1e-2)
-        apart = distance(down, below) * across.gain + distance(across, beside)
-        rounded = rounding(down, BLOCK) * across.gain + rounding(across, BLOCK) * down.gain
-        least = 1.01 * rounded * magnitude
-        return Error(1.001 * apart * wide + least, "bound", least)
-
-    return error
-
-
-PASSED = 80.0
-"""Multiply-adds that take as long as moving a sample through one pass along lines."""
-
-
-Extent = Callable[[float, int], tuple[int, int]]
-"""The reach of a filter of some deviation and order, and how many poles it has."""
-
-
-def recursive_work(extent: Extent, even: int = 1, low: float = NARROWEST) -> Callable[..., float]:
-    """Steps of the states, beside what it takes to read, turn and write the image twice; and sums before each line.
-    Orders are multiples of `even`, deviations at least `low`."""
-
-    def work(p: Parameters, order: float, facts: InputFacts) -> float:
-        total, whole = 0.0, int(order) // even * even
-        for sigma, side in asked(p, facts).sides:
-            reach, poles = extent(min(max(sigma, low), RECURSIVE), whole)
-            total += PASSED + poles * (10.5 + 19 * min(reach / side, 1.0))
-        return facts["image"].samples * total
-
-    return work
-
-
-deriche_work = recursive_work(deriche_extent, 2, 1e-2)
-vliet_young_work = recursive_work(vliet_young_extent)
-
-
-APART: Mapping[str, Mapping[float, float]] = {
-    "deriche": {2: 0.016, 4: 2.4e-4, 6: 3.3e-6, 8: 4.9e-8},
-    "vliet-young": {3: 9.9e-3, 4: 3.1e-3, 5: 1.0e-3},
-    "box3": {0: 0.018, 1: 4.8e-3},
-}
-"""What one pass errs by at least, over the spread of its input, from a deviation of 1 px to `RECURSIVE`."""
-
-
-def least_error(method: str) -> Callable[[Parameters, float, InputFacts], float]:
-    """Of the worse pass, by whole values of the knob."""
-    known = APART[method]
-    return lambda p, knob, facts: known.get(knob, 0.0) * _apart(p, facts)
-
-
-@latest
-def _apart(p: Parameters, facts: InputFacts) -> float:
-    """What the numbers of `APART` are times; nothing where they say nothing."""
-    turned, _, ((down, _), (across, _)), _ = asked(p, facts)
-    return spread(p, facts)[0] if turned is None and 1 <= max(down, across) <= RECURSIVE else 0.0
-
-
-def recursive_unfit(p: Parameters, facts: InputFacts, narrowest: float = 1e-2) -> str | None:
-    if reason := _not_plain(p, facts):
-        return reason
-    if facts["image"].extent.nonfinite:
-        return "a recursion never forgets NaN or infinity"
-    sigmas = [sigma for sigma, _ in asked(p, facts).sides]
-    if max(sigmas) > RECURSIVE:
-        return f"beyond {RECURSIVE:g} px the poles lie too near to 1 for float32"
-    if min(sigmas) < narrowest:
-        return f"no such filter is as narrow as {min(sigmas):g} px"
-    return None
-
-
-def vliet_young_unfit(p: Parameters, facts: InputFacts) -> str | None:
-    return recursive_unfit(p, facts, NARROWEST)
-
-
-def both_boxes(p: Parameters, extended: float) -> tuple[Boxes, Boxes]:
-    down, across = _within(p, 0.0)
-    return boxes(down, extended >= 0.5), boxes(across, extended >= 0.5)
-
-
-def boxes_error(p: Parameters, extended: float, facts: InputFacts) -> Error:
-    image, (wide, magnitude) = facts["image"], spread(p, facts)
-    (down, across), (below, beside) = both_boxes(p, extended), _within(p, 0.0)
-    rounding = 1.01 * (down.rounding(image.height) + across.rounding(image.width)) * magnitude
-    return Error((boxes_distance(down, below) + boxes_distance(across, beside)) * wide + rounding, "bound", rounding)
-
-
-def boxes_work(p: Parameters, extended: float, facts: InputFacts) -> float:
-    widths = [(boxes(min(sigma, RECURSIVE), extended >= 0.5), side) for sigma, side in asked(p, facts).sides]
-    beyond = sum(2 * each.reach / side for each, side in widths)
-    return facts["image"].samples * (2 + beyond / 3) * (PASSED + 16)

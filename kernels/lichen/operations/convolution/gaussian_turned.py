@@ -13,13 +13,22 @@ from functools import lru_cache
 
 import numpy as np
 
+from lichen.image import Image
 from lichen.memory import Array
-from lichen.operation import Border
+from lichen.opencl.device import Device
+from lichen.operation import ROUNDING, Border, Error, Facts
+from lichen.operations.convolution import lowrank
 from lichen.operations.convolution.borders import OUTSIDE, continued
-from lichen.operations.convolution.gaussian_weights import BARELY
+from lichen.operations.convolution.gaussian_weights import BARELY, NORMAL
 from lichen.operations.convolution.kernels import Matrix, separated
 from lichen.operations.convolution.passes import folded
+from lichen.operations.convolution.stencil import Stencil, correlate_numpy, correlate_opencl
+from lichen.operations.convolution.transform import correlated_by_transform, transform_sides
 
+MOVED = 60.0
+"""Multiply-adds that take as long as moving a sample through two passes."""
+SPECTRAL, SINGLE = 1e-9, 24
+"""Weight that is cut off where spectra are multiplied; bits of float32."""
 NARROWEST, WIDEST = 0.5, 50.0
 """px: a narrower one falls between the pixels, whatever it is divided by; a wider one takes too long to take apart."""
 
@@ -37,6 +46,13 @@ class Turned:
         """Along y and along x: of the sums over rows and over columns."""
         c, s = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
         return math.hypot(s * self.along, c * self.across), math.hypot(c * self.along, s * self.across)
+
+    @property
+    def correlation(self) -> float:
+        """Of x and y, how large."""
+        down, across = self.deviations
+        double = math.sin(math.radians(2 * self.angle)) * (self.along - self.across) * (self.along + self.across)
+        return min(abs(double) / (2 * down * across), 1.0)
 
     @property
     def radii(self) -> tuple[int, int]:
@@ -93,3 +109,79 @@ def blurred(pixels: Array, turned: Turned, border: Border, value: float) -> Arra
         lines[at == OUTSIDE] = value
         out += np.einsum("ij,yjc->yic", matrix, lines, optimize=True) + value * constant[None, :, None]
     return out
+
+
+def stencil(turned: Turned, tail: float) -> Stencil:
+    taps = cut(turned, tail)[0]
+    return Stencil(taps, taps.shape[0] // 2, taps.shape[1] // 2)
+
+
+# ------------------------------------------------------------------------------------------ sums of columns times rows
+
+
+def error(turned: Turned, tail: float, wide: float, magnitude: float) -> Error:
+    """The weight outside the cut kernel, and what its products leave of what is inside."""
+    terms, left = taken_apart(turned, tail)
+    rounding = lowrank.rounding(terms, magnitude, 0.0)
+    dropped = lowrank.dropped(left, -magnitude, magnitude)
+    return Error(cut(turned, tail)[1] * wide + dropped + rounding, "bound", rounding)
+
+
+def work(turned: Turned, tail: float, image: Facts) -> float:
+    """Multiply-adds, beside what it takes to move samples through two passes."""
+    return image.samples * len(taken_apart(turned, tail)[0]) * (sum(cut(turned, tail)[0].shape) + MOVED)
+
+
+def least_work(turned: Turned, tail: float, image: Facts) -> float:
+    """At least, without the kernel: of three in five of the products that Mehler's formula has, or of the shorter side,
+    which there are no more than."""
+    r = turned.correlation
+    share = max(r / (1 + math.sqrt(1 - r * r)), 1e-9)
+    wide = NORMAL.inv_cdf(1 - tail / 4)
+    sides = [2 * max(math.floor(wide * each) - 1, 0) + 1 for each in turned.deviations]
+    terms = max(math.floor(0.6 * min(math.log(tail) / math.log(share), *sides)), 1)
+    return image.samples * terms * (sum(sides) + MOVED)
+
+
+def summed_opencl(device: Device, image: Image, turned: Turned, tail: float, border: Border, value: float) -> Array:
+    if image.extent.nonfinite:  # which products would spread
+        return correlate_opencl(device, image, stencil(turned, tail), border, value)
+    return lowrank.summed_opencl(device, image.pixels, _passes(turned, tail, value), border, value)
+
+
+def summed_numpy(image: Image, turned: Turned, tail: float, border: Border, value: float) -> Array:
+    if image.extent.nonfinite:
+        return correlate_numpy(image, stencil(turned, tail), border, value)
+    return lowrank.summed_numpy(image.pixels, _passes(turned, tail, value), border, value)
+
+
+def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
+    whole = stencil(turned, tail)
+    return lowrank.passes(taken_apart(turned, tail)[0], whole.top, whole.left, 0.0, value)
+
+
+# ------------------------------------------------------------------------------------------------ products of spectra
+
+
+def spectral_error(bits: float, sides: tuple[int, int], wide: float, magnitude: float) -> Error:
+    """The weight that is cut off, and rounding: of transforms in float32 the worst that was seen, with a margin of two;
+    of those in doubles that of the result."""
+    rounding = ROUNDING * (1.0 + 1e-6 if bits > SINGLE else math.log2(math.prod(sides))) * magnitude
+    return Error(SPECTRAL * wide + rounding, "estimate", rounding)
+
+
+def spectral_work(bits: float, sides: tuple[int, int], channels: int) -> float:
+    """Samples of the transforms and the logarithm of their number, which is 1 for 1024 x 1024."""
+    samples = math.prod(sides)
+    return channels * samples * max(math.log2(samples), 1.0) / 20 * (1.0 if bits > SINGLE else 0.6)
+
+
+def spectral_sides(deviations: tuple[float, float], image: Facts) -> tuple[int, int]:
+    """Of the transforms, without the kernel."""
+    tall, wide = (2 * math.ceil(NORMAL.inv_cdf(1 - SPECTRAL / 4) * each) + 1 for each in deviations)
+    return transform_sides(image.height, image.width, (tall, wide))
+
+
+def by_spectra(image: Image, turned: Turned, bits: float, border: Border, value: float) -> Array:
+    kind = np.float64 if bits > SINGLE else np.float32
+    return correlated_by_transform(image.pixels, stencil(turned, SPECTRAL), border, value, kind)

@@ -1,4 +1,4 @@
-"""Correlation by the product of spectra, in doubles, and what becomes of NaN and infinity there.
+"""Correlation by the product of spectra, and what becomes of NaN and infinity there.
 
 A transform mixes every sample with every other. Samples that are not finite are therefore taken out before, and where a
 tap meets one the result is set to what the sum would be: whether it does is a correlation of where they lie with where
@@ -20,16 +20,18 @@ from lichen.operations.convolution.stencil import Stencil, continue_image
 from lichen.processors import threads
 
 
-def correlated_by_transform(pixels: Array, whole: Stencil, border: Border, value: float) -> Array:
-    """float32 (height, width, channels)."""
+def correlated_by_transform(
+    pixels: Array, whole: Stencil, border: Border, value: float, kind: type[np.floating] = np.float64
+) -> Array:
+    """float32 (height, width, channels), by transforms in numbers of a `kind`."""
     (tall, wide), (height, width, channels) = whole.taps.shape, pixels.shape
     rows, columns = (whole.top, tall - 1 - whole.top), (whole.left, wide - 1 - whole.left)
     around = continue_image(pixels, rows, columns, border, value)
     sides = transform_sides(height, width, (tall, wide))
-    spectrum = np.conj(_spectrum(whole.taps, sides))
+    spectrum = np.conj(_spectrum(whole.taps.astype(kind), sides))
     out = aligned_empty(pixels.shape)
     for channel in range(channels):
-        plane = around[..., channel].astype(np.float64)
+        plane = around[..., channel].astype(kind)
         finite = np.isfinite(plane)
         clean = plane if finite.all() else np.where(finite, plane, 0.0)
         product = _spectrum(clean, sides)

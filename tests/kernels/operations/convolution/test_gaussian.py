@@ -216,6 +216,18 @@ def test_turned_truth_agrees_with_scipy(border: Border) -> None:
     np.testing.assert_allclose(truth[..., 0], expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("border", Border)
+@pytest.mark.parametrize("bits", [24.0, 53.0])
+def test_products_of_spectra_are_the_turned_blur(border: Border, bits: float) -> None:
+    """Also where the kernel is longer than the image, and of values far from 0."""
+    image, method = as_image(np.random.default_rng(5).random((21, 34, 2), np.float32) + 3), gaussian.methods["fft"]
+    for along, across in ((6.0, 0.8), (3.0, 20.0)):
+        p = Parameters(sigma=1, sigma_x=along, sigma_y=across, angle=65, border=border, value=0.3)
+        made = method.implementation.numpy({"image": image}, p, bits)
+        stated = method.error(p, bits, {"image": Facts.of(image)}).value
+        assert np.abs(made - gaussian.evaluate_truth({"image": image}, p)).max() <= stated <= (9e-6, 4e-7)[bits > 24]
+
+
 def test_a_line_turned_lies_where_its_angle_says() -> None:
     point = np.zeros((61, 61), np.float32)
     point[30, 30] = 1
