@@ -48,6 +48,11 @@ __kernel void sums(__global const Sample *restrict in, __global const float *res
         }
         for (; first + held < stop; held++)
             stage_line(stage + held * pitch, in, meant, sources[first + held], x, count, width, value);
+        // What the next are summed from is on its way meanwhile.
+        int next = min(r + 2 * ROWS - 1, end - 1) / period * step + taps;
+        for (int n = first + held; n < next; n++)
+            for (int i = 0; i < count; i += 64 / (int)sizeof(Sample))
+                stream_ask((__global const float *)(in + (size_t)max(sources[n], 0) * width + x + i));
         __global const float *own[ROWS];
         #pragma unroll
         for (int j = 0; j < ROWS; j++) {
