@@ -20,7 +20,7 @@ from lichen.accuracy.metrics import Difference
 from lichen.accuracy.precision import Precision
 from lichen.errors import DeviceFailure, Flaw, InvalidRequest, nearest
 from lichen.execution import Before, computed, exact, unheard
-from lichen.image import Alpha, Image, Space, Storage, as_image
+from lichen.image import Alpha, Image, Space, Storage, StoredImage, as_image
 from lichen.memory import Array
 from lichen.opencl.device import Device, default_device, status
 from lichen.opencl.extent import measured
@@ -76,6 +76,8 @@ class Result:
     @cached_property
     def nonfinite(self) -> int:
         """How many values of the output are NaN or infinite."""
+        if isinstance(self.image, StoredImage):
+            return self.image.codes.moved[1]
         return measured(self.image, default_device() if self.device == "opencl" else None).extent.nonfinite
 
 
@@ -238,11 +240,14 @@ class Prepared:
     fallback: Prepare | None = None
     """makes the same for NumPy, where no device was named"""
 
-    def run(self, *further: Decision, shared: Shared | None = None, before: Before = unheard) -> dict[str, Result]:
+    def run(
+        self, *further: Decision, shared: Shared | None = None, before: Before = unheard, stored: bool = False
+    ) -> dict[str, Result]:
         """The results by the outputs' names; on NumPy where a device fails that nobody named. Runs that share take
-        over steps from one another (`lichen.sharing`). `before` hears of each step, and may end the run by raising."""
+        over steps from one another (`lichen.sharing`). `before` hears of each step, and may end the run by raising.
+        Where they will only be `stored`, those of 8 bits may come as codes (`lichen.image.StoredImage`)."""
         try:
-            return _run(self, further, shared, before)
+            return _run(self, further, shared, before, stored and not self.order.verify)
         except DeviceFailure as failure:
             if self.fallback is None or self.device is None:
                 raise
@@ -364,10 +369,12 @@ def _prepared_on(
     return Prepared(order, plan, time.perf_counter() - started, device, fallback)
 
 
-def _run(prepared: Prepared, further: Sequence[Decision], shared: Shared | None, before: Before) -> dict[str, Result]:
+def _run(
+    prepared: Prepared, further: Sequence[Decision], shared: Shared | None, before: Before, stored: bool
+) -> dict[str, Result]:
     order, plan = prepared.order, prepared.plan
     timing = {"plan": prepared.seconds}
-    images, findings = computed(plan, order.images, prepared.device, timing, shared, before)
+    images, findings = computed(plan, order.images, prepared.device, timing, shared, before, stored=stored)
     further = (*further, *_skipped(findings))
     found: dict[str, Verification] = {}
     if order.verify:

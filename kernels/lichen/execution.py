@@ -20,7 +20,7 @@ from lichen.image import Codes, Image, Storage, StoredImage
 from lichen.memory import Array, aligned, aligned_empty
 from lichen.opencl.device import Device
 from lichen.opencl.programs import compose
-from lichen.opencl.samples import WORTH, looked_up
+from lichen.opencl.samples import WORTH, looked_up, widened
 from lichen.opencl.watching import watched
 from lichen.operation import Facts, Inputs
 from lichen.planning.bands import spans
@@ -53,35 +53,44 @@ def computed(
     timing: MutableMapping[str, float],
     shared: Shared | None = None,
     before: Before = unheard,
+    *,
+    stored: bool = False,
 ) -> tuple[dict[str, Image], Findings]:
     """What the plan gives on `device` (None: NumPy), by output. Adds to `timing` the seconds of nodes, all and each.
     Steps that another run with the same `shared.sharing` is at work on are taken over from it. `before` hears of all
-    others, and of each band."""
+    others, and of each band. What is `stored` may come as codes of its storage, where a kernel writes those at once."""
     timing["kernel"] = 0.0
     findings: Findings = {}
     chains = {chain[-1]: [plan.graph.named(name) for name in chain] for chain in plan.graph.fused}
     banded = {each.steps[-1]: each for each in plan.graph.banded}
     identities = plan.identities(shared.origins) if shared is not None else {}
+    codes = _stored_alone(plan.graph) if stored else set[str]()
 
-    def step(node: Node, inputs: Inputs) -> Array:
+    def step(node: Node, inputs: Inputs, moved: Array | None = None) -> Array:
         before(node.name)
         with _watched(chains.get(node.name, [node]), before):
             if node.name in chains and device is not None:
                 values = {node.inputs[key]: image for key, image in inputs.items()}
-                return by_chain(chains[node.name], plan.graph, values, device)
+                return by_chain(chains[node.name], plan.graph, values, device, moved)
             both = in_one_pass(node, inputs, device)
             if both is None:
                 return by_method(node, inputs, device)
             pixels, findings[node.name] = both
             return pixels
 
-    def made(node: Node, inputs: Inputs) -> Array:
+    def made(node: Node, inputs: Inputs) -> Array | Codes:
         if plan.graph.precision is Precision.FLOAT64:
             before(node.name)
             return by_definition(node, inputs)
         if node.name in banded:
             return by_bands(banded[node.name], plan.graph, inputs, step)
-        return step(node, inputs)
+        if device is None or node.name not in codes:
+            return step(node, inputs)
+        moved = np.zeros(2, np.int32)
+        found = step(node, inputs, moved)
+        if found.dtype == np.float32:
+            return found
+        return Codes(found, partial(widened, device), moved=(int(moved[0]), int(moved[1])))
 
     whole = {*chains, *banded}
     wanted = {output.source for output in plan.graph.outputs.values()}
@@ -91,10 +100,11 @@ def computed(
         found: Array | Codes
         if device is not None and node.name not in whole and _tabled(node, plan.graph, inputs, device):
             before(node.name)
-            codes = by_table(node, inputs, device)  # which is done sooner than taken over
-            found = codes.floats if node.name in wanted else codes
+            found = by_table(node, inputs, device)  # which is done sooner than taken over
+            found = found.floats if node.name in wanted else found
         elif shared is not None and node.name in identities:
-            found = shared.sharing.of(identities[node.name], partial(made, node, inputs))
+            form = ", stored" if node.name in codes else ""
+            found = shared.sharing.of(identities[node.name] + form, partial(made, node, inputs))
         else:
             found = made(node, inputs)
         timing[f"kernel.{node.name}"] = time.perf_counter() - started
@@ -111,6 +121,13 @@ def computed(
             timing["findings"] = timing.get("findings", 0.0) + time.perf_counter() - started
 
     return walk(plan.graph, sources, timed, observed), findings
+
+
+def _stored_alone(graph: Graph) -> set[str]:
+    """The steps whose results nobody reads, but they are stored in 8 bits."""
+    read = {source for node in (*graph.nodes, *graph.observers) for source in node.inputs.values()}
+    read |= {output.source for output in graph.outputs.values() if output.storage is not Storage.UINT8}
+    return {output.source for output in graph.outputs.values()} - read
 
 
 def _watched(nodes: Sequence[Node], before: Before) -> AbstractContextManager[None]:
@@ -176,9 +193,12 @@ def by_table(node: Node, inputs: Inputs, device: Device) -> Codes:
     return Codes(image.codes.samples, partial(looked_up, device, table), table)
 
 
-def by_chain(nodes: Sequence[Node], graph: Graph, values: Mapping[str, Image], device: Device) -> Array:
+def by_chain(
+    nodes: Sequence[Node], graph: Graph, values: Mapping[str, Image], device: Device, moved: Array | None = None
+) -> Array:
     """A chain of nodes by one generated kernel, or one after the other where there are too many kernels or few pixels.
-    `values` are the pictures that it reads by their names in the graph."""
+    `values` are the pictures that it reads by their names in the graph. With `moved`, of a chain that has a head, codes
+    of 8 bits (`Tail`), unless they come one after the other."""
     facts = graph.facts()
     if (head := head_of(nodes[0], facts)) is not None:
         text, numbers = tail_of(nodes[1:], facts, head.source)
@@ -186,7 +206,7 @@ def by_chain(nodes: Sequence[Node], graph: Graph, values: Mapping[str, Image], d
         if device.in_step or (source := compose(text)) is None:
             return _in_turn(nodes, facts, values, device)
         read = {key: values[each] for key, each in nodes[0].inputs.items()}
-        return head.run(device, _given(nodes[0], read, device), Tail(source, _numbers(numbers)))
+        return head.run(device, _given(nodes[0], read, device), Tail(source, _numbers(numbers), moved))
     steps = steps_of(nodes, facts)
     image = values[steps[0].sources[0]]
     count = image.height * image.width

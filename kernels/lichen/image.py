@@ -147,6 +147,8 @@ class Codes:
     widen: Callable[[Array], Array]
     table: Array | None = None
     """the float of each code; None where that is the code over the largest one"""
+    moved: tuple[int, int] = (0, 0)
+    """how many were clipped and how many were not finite of the floats that they were made of, if they were"""
 
     @property
     def floats(self) -> Array:

@@ -12,9 +12,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
-from lichen.memory import Array
+Made = TypeVar("Made")
 
 
 class _Making:
@@ -22,23 +23,23 @@ class _Making:
 
     def __init__(self) -> None:
         self.done = threading.Event()
-        self.made: Array | None = None
+        self.made: Any = None
 
 
 class Sharing:
     """What is being done and what is in use, in this process. Safe to use from any thread."""
 
     def __init__(self) -> None:
-        self._in_use: WeakValueDictionary[str, Array] = WeakValueDictionary()
+        self._in_use: WeakValueDictionary[str, Any] = WeakValueDictionary()
         self._making: dict[str, _Making] = {}
         self._lock = threading.Lock()
 
-    def of(self, step: str, compute: Callable[[], Array]) -> Array:
-        """The pixels of a step: those that are in use, or being made, or else what `compute` gives."""
+    def of(self, step: str, compute: Callable[[], Made]) -> Made:
+        """What a step makes: that which is in use or being made, or else what `compute` gives."""
         waited = False
         while True:
             with self._lock:
-                found = self._in_use.get(step)
+                found: Made | None = self._in_use.get(step)
                 if found is not None:
                     return found
                 making = self._making.get(step)
@@ -49,13 +50,14 @@ class Sharing:
                     return compute()
             making.done.wait()
             if making.made is not None:  # even if nobody else has it in use any more
-                return making.made
+                made: Made = making.made
+                return made
             waited = True
         try:
-            mine.made = compute()
+            mine.made = done = compute()
             with self._lock:
-                self._in_use[step] = mine.made
-            return mine.made
+                self._in_use[step] = done
+            return done
         finally:
             with self._lock:
                 del self._making[step]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from lichen.memory import Array
     from lichen.opencl.device import Device
+    from lichen.opencl.session import Held, Session
     from lichen.operation import Inputs
 
 
@@ -33,10 +34,27 @@ class Stage:
 @dataclass(frozen=True, slots=True)
 class Tail:
     """What a kernel does to each of its results before it writes it: `float16 tail(float16 v, global const float *k)`
-    with the `numbers` in `k`, in a source that defines TAIL and goes on with the kernel's own."""
+    with the `numbers` in `k`, in a source that defines TAIL and goes on with the kernel's own; or nothing, in that."""
 
     source: str
-    numbers: Array
+    numbers: Array | None = None
+    moved: Array | None = None
+    """where results are written as codes of 8 bits: the two counts, int32, to which those are added that were clipped
+    and those that are not finite"""
+
+    @property
+    def kind(self) -> str:
+        """Of the array of the results."""
+        return "float32" if self.moved is None else "uint8"
+
+    @property
+    def defines(self) -> dict[str, float]:
+        """For the source."""
+        return {} if self.moved is None else {"LEVELS": 255.0}
+
+    def counting(self, session: Session) -> Held | None:
+        """The counts as a kernel's argument."""
+        return None if self.moved is None else session.readwrite(self.moved)
 
 
 @dataclass(frozen=True, slots=True)

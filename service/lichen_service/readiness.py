@@ -83,7 +83,7 @@ def warm_up(device: str | None = None) -> Iterator[tuple[str, str, LichenError |
             said = wish.get("method", "as it is chosen")
             arguments: dict[str, Any] = {**inputs, **parameters, **wish, "device": device}
             try:
-                engine.run(operation.name, **arguments)
+                engine.prepare(operation.name, **arguments).run(stored=True)
             except (InvalidRequest, Unattainable):
                 continue
             except LichenError as failed:

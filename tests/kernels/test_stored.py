@@ -109,3 +109,56 @@ def test_a_copy_with_the_same_pixels_is_not_measured_again() -> None:
         known = image.extent
         assert vars(image.replace(space=Space.SRGB))["extent"] is known
         assert image.replace(pixels=2 * image.pixels).extent.high == 2 * known.high
+
+
+SHARPEN = {"kernel": [[-1, -1, -1], [-1, 9, -1], [-1, -1, -1]]}
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("gaussian", {"sigma": 2.0, "method": "fir"}),
+        ("gaussian", {"sigma": 5.0, "method": "multirate"}),
+        ("convolve", {**SHARPEN, "method": "direct"}),
+    ],
+)
+@pytest.mark.parametrize("size", [(90, 64), (90, 61)])
+def test_what_is_only_stored_is_written_as_codes(name: str, given: dict[str, Any], size: tuple[int, int]) -> None:
+    """By the kernel that makes it, with the same counts of what 8 bits cannot hold."""
+    pixels = np.random.default_rng(7).uniform(-0.2, 1.2, (*size, 3)).astype(np.float32)
+    pixels[20:60, 20:60] = 1.1
+    if spoilt := given["method"] != "multirate":  # which takes none such
+        pixels[3, 5], pixels[70, 2, 1] = np.nan, np.inf
+    prepared = engine.prepare(name, Image(pixels, Space.SRGB), **given, storage="uint8", precision="float32")
+    assert prepared.plan.graph.fused or prepared.device is None
+    (plain,), (codes,) = prepared.run().values(), prepared.run(stored=True).values()
+    assert isinstance(codes.image, StoredImage) is (prepared.device is not None)
+    expected, found = (encode(each.image, "png", storage=Storage.UINT8) for each in (plain, codes))
+    assert found == expected
+    assert codes.nonfinite == plain.nonfinite == found.nonfinite
+    assert bool(found.nonfinite) is spoilt
+    assert found.clipped > 0
+
+
+def test_codes_are_shared_as_codes_and_floats_as_floats() -> None:
+    image = Image(stored(np.uint8, []).pixels, Space.SRGB)
+    prepared = engine.prepare("gaussian", image, sigma=2.0, storage="uint8")
+    shared = Shared(Sharing(), {"input.image": "a picture"})
+    (codes,) = prepared.run(shared=shared, stored=True).values()
+    (again,) = prepared.run(shared=shared, stored=True).values()
+    (floats,) = prepared.run(shared=shared).values()
+    assert not isinstance(floats.image, StoredImage)
+    if prepared.device is not None:
+        assert isinstance(codes.image, StoredImage)
+        assert isinstance(again.image, StoredImage)
+        assert again.image.codes is codes.image.codes
+    wanted = encode(floats.image, "png", storage=Storage.UINT8)
+    assert wanted == encode(codes.image, "png", storage=Storage.UINT8)
+
+
+def test_what_is_compared_with_truth_comes_as_floats() -> None:
+    prepared = engine.prepare("gaussian", stored(np.uint8, [], 64), sigma=2.0, storage="uint8", verify=True)
+    (made,) = prepared.run(stored=True).values()
+    assert not isinstance(made.image, StoredImage)
+    assert made.measured is not None
+    assert made.measured.largest <= made.error.value

@@ -194,9 +194,11 @@ def _digest_of_kernels() -> str:
     """Stands for the source of everything that is timed, and for the units in which work is counted."""
     digest = hashlib.sha256()
     for part in ("operations", "opencl"):
-        for path in sorted((_PACKAGE / part).rglob("*")):
-            if path.suffix in (".py", ".cl", ".clh"):
-                digest.update(path.read_bytes())
+        for folder, _, names in sorted(os.walk(_PACKAGE / part)):  # in half the time that `Path.rglob` takes
+            for name in sorted(names):
+                if name.endswith((".py", ".cl", ".clh")):
+                    with open(os.path.join(folder, name), "rb", buffering=0) as file:
+                        digest.update(file.read())
     return digest.hexdigest()[:16]
 
 

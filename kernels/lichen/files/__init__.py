@@ -131,8 +131,8 @@ def encode(
     target = FORMATS[format]
     storage = storage or target.storage_for(image.storage)
     target.check(image, storage, quality)
-    if isinstance(image, StoredImage) and image.codes.table is None and image.storage is storage:
-        samples, clipped, nonfinite = image.codes.samples, 0, 0
+    if isinstance(image, StoredImage) and image.codes.table is None and image.codes.samples.dtype == storage.value:
+        samples, (clipped, nonfinite) = image.codes.samples, image.codes.moved
     else:
         samples, clipped, nonfinite = quantise(image.pixels, storage)
     return Encoded(target.write(samples, image, quality), target.media_type, clipped, nonfinite)

@@ -143,13 +143,15 @@ class Supervisor:
             self._selector.register(woken, selectors.EVENT_READ)
             while self._workers or self._ends is None:
                 self._start_due()
+                told = b""
                 for key, _ in self._selector.select(self._patience()):
                     if key.fileobj is woken:
-                        for number in woken.recv(4096):
-                            self._signalled(number)
+                        told = woken.recv(4096)
                     else:
                         self._hear(key.data)
-                self._reap()
+                self._reap()  # before the end may begin: who is dead already has not failed to end in order
+                for number in told:
+                    self._signalled(number)
                 if time.monotonic() >= self._look_at:
                     self._look()
                 if self._ends is not None and time.monotonic() >= self._ends:

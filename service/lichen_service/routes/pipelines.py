@@ -102,7 +102,8 @@ class Pipelines:
 
             def compute() -> Response:
                 with stages.stage("run"):
-                    results = prepared.run(shared=self._running.shared(digests, options), before=stages.go_on)
+                    shared = self._running.shared(digests, options)
+                    results = prepared.run(shared=shared, before=stages.go_on, stored=True)
                 timing = next(iter(results.values())).timing
                 stages.split("run", {name: taken for name, taken in timing.items() if name != "plan"})
                 with stages.stage("encode"):

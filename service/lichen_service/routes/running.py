@@ -123,7 +123,7 @@ class Running:
 
         def compute() -> Response:
             with stages.stage("run"):
-                made = prepared.run(shared=self.shared(digests, options), before=stages.go_on)
+                made = prepared.run(shared=self.shared(digests, options), before=stages.go_on, stored=True)
                 (result,) = made.values()
             stages.split("run", {name: taken for name, taken in result.timing.items() if name != "plan"})
             with stages.stage("encode"):

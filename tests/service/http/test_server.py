@@ -210,6 +210,19 @@ def test_a_worker_that_dies_is_replaced(start: Callable[..., Service]) -> None:
     assert service.wait() == 0
 
 
+def test_a_worker_that_died_before_the_end_is_no_failure_of_it(start: Callable[..., Service]) -> None:
+    service = start()
+    service.listen()
+    worker = service.pid()
+    service.process.send_signal(signal.SIGSTOP)  # it sees both at once
+    os.kill(worker, signal.SIGKILL)
+    until_gone(worker)
+    service.process.send_signal(signal.SIGTERM)
+    service.process.send_signal(signal.SIGCONT)
+    assert service.wait() == 0
+    assert f"lost worker {worker}" in service.errors.read_text()
+
+
 def test_a_spare_worker_stands_in_and_gets_a_successor(start: Callable[..., Service]) -> None:
     service = start(spare="on")
     service.listen()

@@ -27,10 +27,10 @@ STAGED_FN void stage_line(float *to, __global const Sample *in, __global const f
 }
 
 __kernel void sums(__global const Sample *restrict in, __global const float *restrict meant,
-                   __global const int *restrict sources, __global float *restrict out,
+                   __global const int *restrict sources, __global Result *restrict out,
                    __global const float *restrict weights, int top, int height, int width,
                    int taps, int period, int step, int beside, int band, int tile, int capacity, float value,
-                   __global const float *restrict numbers)
+                   __global const float *restrict numbers, __global int *restrict moved)
 {
     int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
@@ -48,13 +48,18 @@ __kernel void sums(__global const Sample *restrict in, __global const float *res
         }
         for (; first + held < stop; held++)
             stage_line(stage + held * pitch, in, meant, sources[first + held], x, count, width, value);
+        // What the next are summed from is on its way meanwhile.
+        int next = min(r + 2 * ROWS - 1, end - 1) / period * step + taps;
+        for (int n = first + held; n < next; n++)
+            for (int i = 0; i < count; i += 64 / (int)sizeof(Sample))
+                stream_ask((__global const float *)(in + (size_t)max(sources[n], 0) * width + x + i));
         __global const float *own[ROWS];
         #pragma unroll
         for (int j = 0; j < ROWS; j++) {
             int row = min(r + j, end - 1);
             own[j] = weights + (row % period) * (taps + 2 * beside) + beside - (row / period * step - wanted);
         }
-        __global float *to = out + (size_t)(top + r) * width + x;
+        __global Result *to = out + (size_t)(top + r) * width + x;
         for (int i = 0; i < count; i += LANES) {
             const float *p = stage + (wanted - first) * pitch + i;
             float8 s[ROWS][LANES / 8];
@@ -78,8 +83,8 @@ __kernel void sums(__global const Sample *restrict in, __global const float *res
             #pragma unroll
             for (int j = 0; j < ROWS; j++)
                 if (r + j < end)
-                    put_line(to + (size_t)j * width + i, TAIL((float16)(s[j][0], s[j][1]), numbers),
-                             TAIL((float16)(s[j][2], s[j][3]), numbers), count - i, whole);
+                    put_result(to + (size_t)j * width + i, TAIL((float16)(s[j][0], s[j][1]), numbers),
+                               TAIL((float16)(s[j][2], s[j][3]), numbers), count - i, whole, 0, moved);
         }
     }
 }

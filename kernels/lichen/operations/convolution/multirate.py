@@ -152,7 +152,7 @@ def multirate_opencl(
     bands, steps = in_bands(height, width * channels, rates)
     kept, rows = steps + rates.taps - 1, steps * rates.step
     sources = _sources((bands - 1) * steps + kept, height, rates, border)
-    out = aligned_empty(pixels.shape)
+    out = aligned_empty(pixels.shape, tail.kind if tail else np.float32)
     with device.session() as session:
         few, blurred = (session.scratch((kept, width, channels)) for _ in range(2))
         for top in range(0, height, rows):
@@ -198,11 +198,12 @@ def _sum_rows(
     tiles, room = -(-width // tile), STAGE // (tile + 16)
     band = banded(rows, tiles, 2 * taps * period // step)
     capacity = min(room, max(2 * (taps + beside), NEAR // (tile + 16)))
+    then = tail or Tail(SOURCE)
     session.launch(
-        tail.source if tail else SOURCE, "sums", (tiles, -(-rows // band)), samples, meant, *given,
+        then.source, "sums", (tiles, -(-rows // band)), samples, meant, *given,
         aligned(np.pad(weights, ((0, 0), (beside, beside)))), *numbers, np.int32(beside), np.int32(band),
-        np.int32(tile), np.int32(capacity), np.float32(value), tail.numbers if tail else None,
-        local=(1, 1), defines={"STAGE": STAGE, "CODED": int(meant is not None)},
+        np.int32(tile), np.int32(capacity), np.float32(value), then.numbers, then.counting(session),
+        local=(1, 1), defines={"STAGE": STAGE, "CODED": int(meant is not None), **then.defines},
     )  # fmt: skip
 
 

@@ -51,9 +51,9 @@ STAGED_FN void along(const float *line, float *to, __global const Sample *ahead,
 __kernel void both(__global const Sample *restrict in, __global const float *restrict meant,
                    __global const int *restrict sources, __global const int *restrict beside,
                    __global const float *restrict down, __global const float *restrict across,
-                   __global float *restrict out, int height, int width, int reach, int stride, int band, int tile,
-                   int channels, int tall, int wide, int capacity, __global const float *restrict numbers, float value,
-                   float bias, int accumulate)
+                   __global Result *restrict out, int height, int width, int reach, int stride, int band, int tile,
+                   int channels, int tall, int wide, int capacity, __global const float *restrict numbers,
+                   __global int *restrict moved, float value, float bias, int accumulate)
 {
     int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
@@ -83,11 +83,12 @@ __kernel void both(__global const Sample *restrict in, __global const float *res
                 sums[i].v[0] = sums[i].v[1] = (float16)(bias);
             const float *p = stage + (j - first) * pitch + k;
             long_run(p, pitch, down, sums, tall);
-            __global float *to = out + (size_t)(y + j) * width + x + k;
+            __global Result *to = out + (size_t)(y + j) * width + x + k;
             #pragma unroll
             for (int i = 0; i < BLOCK; i++, to += width)
                 if (j + i < rows)
-                    add_line(to, TAIL(sums[i].v[0], numbers), TAIL(sums[i].v[1], numbers), count - k, whole, accumulate);
+                    put_result(to, TAIL(sums[i].v[0], numbers), TAIL(sums[i].v[1], numbers), count - k, whole, accumulate,
+                               moved);
         }
     }
 }

@@ -93,7 +93,7 @@ def separable_opencl(
     for processors, and for kernels of which `rows_laid_out` says that both passes are one."""
     (height, width, channels), radius = (image.height, image.width, image.channels), len(across) // 2
     tall, wide = _folds(down, height, image), _folds(across, width, image)
-    out = aligned_empty((height, width, channels))
+    out = aligned_empty((height, width, channels), tail.kind if tail else np.float32)
     laid = None if tall or wide or device.in_step else rows_laid_out(len(down), len(across), channels)
     samples = image.coded if laid and isinstance(image, StoredImage) else (image.pixels, None)
     with device.session() as session:
@@ -162,13 +162,14 @@ def both_axes(
     band = banded(height, tiles, 2 * len(down))
     window = Stencil(np.broadcast_to(1.0, (len(down), len(across))), top, left)
     rows, beside = gathering(samples.shape, window, tile, stride, border)
+    then = tail or Tail(SOURCE)
     session.launch(
-        tail.source if tail else SOURCE, "both", (tiles, -(-height // band)),
+        then.source, "both", (tiles, -(-height // band)),
         samples, meant, rows, beside, aligned(down), aligned(across), session.readwrite(out), np.int32(height),
         np.int32(width * channels), np.int32(left * channels), np.int32(stride), np.int32(band), np.int32(tile),
         np.int32(channels), np.int32(len(down)), np.int32(len(across)), np.int32(capacity),
-        tail.numbers if tail else None, np.float32(value), np.float32(bias), np.int32(add),
-        local=(1, 1), defines={"STAGE": STAGE, "MARGIN": MARGIN, "CODED": int(meant is not None)},
+        then.numbers, then.counting(session), np.float32(value), np.float32(bias), np.int32(add),
+        local=(1, 1), defines={"STAGE": STAGE, "MARGIN": MARGIN, "CODED": int(meant is not None), **then.defines},
     )  # fmt: skip
 
 

@@ -44,9 +44,10 @@ inline __attribute__((always_inline)) void stage_next(float *to, __global const 
 // stage, first weight, count).
 __kernel void correlate(__global const float *restrict in, __global const int *restrict sources,
                         __global const int *restrict beside, __global const int *restrict runs,
-                        __global const float *restrict weights, __global float *restrict out, int height, int width,
+                        __global const float *restrict weights, __global Result *restrict out, int height, int width,
                         int reach, int tall, int stride, int band, int tile, int run_count, float value, float bias,
-                        int capacity, int accumulate, int busy, __global const float *restrict numbers)
+                        int capacity, int accumulate, int busy, __global const float *restrict numbers,
+                        __global int *restrict moved)
 {
     int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
@@ -103,11 +104,12 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
                 default: LIKE(LONGEST);
                 }
             }
-            __global float *to = out + (size_t)(y + j) * width + x + k;
+            __global Result *to = out + (size_t)(y + j) * width + x + k;
             #pragma unroll
             for (int i = 0; i < BLOCK; i++, to += width)
                 if (j + i < rows)
-                    add_line(to, TAIL(sums[i].v[0], numbers), TAIL(sums[i].v[1], numbers), wide - k, whole, accumulate);
+                    put_result(to, TAIL(sums[i].v[0], numbers), TAIL(sums[i].v[1], numbers), wide - k, whole, accumulate,
+                               moved);
         }
         for (; meanwhile && then < stride; then += 16)
             stage_next(rest + then, from, then, stride);

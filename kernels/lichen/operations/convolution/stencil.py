@@ -100,7 +100,7 @@ def reach_of_values(facts: Facts, border: Border, value: float) -> tuple[float, 
 def correlate_opencl(
     device: Device, image: Image, stencil: Stencil, border: Border, value: float, tail: Tail | None = None
 ) -> Array:
-    out = aligned_empty(image.pixels.shape)
+    out = aligned_empty(image.pixels.shape, tail.kind if tail else np.float32)
     with device.session() as session:
         correlate(session, image.pixels, out, stencil, border, value, tail=tail)
     return out
@@ -131,7 +131,7 @@ def correlate(
         )  # fmt: skip
         return
     target, floats = session.readwrite(out), width * channels
-    wide = WIDEST // channels + 1
+    wide, then = WIDEST // channels + 1, tail or Tail(SOURCE)
     widest = stride_of(min(wide, stencil.taps.shape[1]), channels)
     tall = STAGE // widest - 2 * BLOCK
     for number, part in enumerate(stencil.parts(tall, wide)):
@@ -142,14 +142,13 @@ def correlate(
         runs, weights = _runs(part.taps.astype(np.float64).tobytes(), rows, stride, channels)
         tiles, band = -(-floats // tile), banded(height, -(-floats // tile), rows)
         session.launch(
-            tail.source if tail else SOURCE, "correlate", (tiles, -(-height // band)),
+            then.source, "correlate", (tiles, -(-height // band)),
             source, down, beside, runs, weights,
             target, np.int32(height), np.int32(floats), np.int32(part.left * channels), np.int32(rows),
             np.int32(stride), np.int32(band), np.int32(tile), np.int32(len(runs)), np.float32(value),
             np.float32(part.bias), np.int32(capacity - BLOCK * busy), np.int32(add or number > 0), np.int32(busy),
-            tail.numbers if tail else None,
-            local=(1, 1),
-            defines={"STAGE": STAGE},
+            then.numbers, then.counting(session),
+            local=(1, 1), defines={"STAGE": STAGE, **then.defines},
         )  # fmt: skip
 
 
