@@ -30,13 +30,13 @@ __kernel void sums(__global const Sample *restrict in, __global const float *res
                    __global const int *restrict sources, __global Result *restrict out,
                    __global const float *restrict weights, int top, int height, int width,
                    int taps, int period, int step, int beside, int band, int tile, int capacity, float value,
-                   __global const float *restrict numbers, __global int *restrict moved)
+                   __global const float *restrict numbers, __global int *restrict counts)
 {
     int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
         return;
     float stage[STAGE] __attribute__((aligned(64)));
-    int end = min(y + band, height), count = min(tile, width - x), whole = (width & 15) == 0;
+    int moved[2] = {0, 0}, end = min(y + band, height), count = min(tile, width - x), whole = (width & 15) == 0;
     // A pitch of a power of two would have rows fight for the same cache sets.
     int pitch = tile + 16, first = y / period * step, held = 0;
     for (int r = y; r < end; r += ROWS) {
@@ -87,6 +87,7 @@ __kernel void sums(__global const Sample *restrict in, __global const float *res
                                TAIL((float16)(s[j][2], s[j][3]), numbers), count - i, whole, 0, moved);
         }
     }
+    tell(moved, counts);
 }
 #endif
 

@@ -53,7 +53,7 @@ __kernel void both(__global const Sample *restrict in, __global const float *res
                    __global const float *restrict down, __global const float *restrict across,
                    __global Result *restrict out, int height, int width, int reach, int stride, int band, int tile,
                    int channels, int tall, int wide, int capacity, __global const float *restrict numbers,
-                   __global int *restrict moved, float value, float bias, int accumulate)
+                   __global int *restrict counts, float value, float bias, int accumulate)
 {
     int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
@@ -61,7 +61,7 @@ __kernel void both(__global const Sample *restrict in, __global const float *res
     float stage[STAGE] __attribute__((aligned(64))), line[MARGIN] __attribute__((aligned(64)));
     // A pitch of a power of two would have rows fight for the same cache sets.
     int rows = min(band, height - y), all = rows + tall - 1, pitch = tile + 16, first = 0, held = 0;
-    int count = min(tile, width - x), whole = (width & 15) == 0;
+    int moved[2] = {0, 0}, count = min(tile, width - x), whole = (width & 15) == 0;
     for (int j = 0; j < rows; j += BLOCK) {
         int end = j + BLOCK + tall - 1;
         if (end - first > capacity) {
@@ -91,6 +91,7 @@ __kernel void both(__global const Sample *restrict in, __global const float *res
                                moved);
         }
     }
+    tell(moved, counts);
 }
 #endif
 

@@ -47,13 +47,13 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
                         __global const float *restrict weights, __global Result *restrict out, int height, int width,
                         int reach, int tall, int stride, int band, int tile, int run_count, float value, float bias,
                         int capacity, int accumulate, int busy, __global const float *restrict numbers,
-                        __global int *restrict moved)
+                        __global int *restrict counts)
 {
     int x = get_global_id(0) * tile, y = get_global_id(1) * band;
     if (x >= width || y >= height)
         return;
     float stage[STAGE] __attribute__((aligned(64)));
-    int first = 0, held = 0, whole = (width & 15) == 0 && !busy;
+    int moved[2] = {0, 0}, first = 0, held = 0, whole = (width & 15) == 0 && !busy;
     int rows = min(band, height - y), wide = min(tile, width - x), all = rows + tall - 1;
     int inner = busy && x >= reach && x - reach + stride <= width;
     for (int j = 0; j < rows; j += BLOCK) {
@@ -114,4 +114,5 @@ __kernel void correlate(__global const float *restrict in, __global const int *r
         for (; meanwhile && then < stride; then += 16)
             stage_next(rest + then, from, then, stride);
     }
+    tell(moved, counts);
 }
