@@ -31,7 +31,9 @@ def judged(plan: Plan) -> dict[tuple[str, float | None], tuple[Candidate, str]]:
 def test_an_error_asked_for_divides_the_candidates(max_error: float) -> None:
     plan = lichen.explain("gaussian", IMAGE, sigma=9, max_error=max_error)
     for offer, said in judged(plan).values():
-        if offer.error.value > max_error:
+        if offer.unfit is not None:
+            assert said == f"not possible: {offer.unfit}"
+        elif offer.error.value > max_error:
             assert said == f"not accurate enough: an error of {offer.error.value:.3g}, asked {max_error:.3g}"
         else:
             assert said == "taken" or said.startswith("accurate enough, but ")
@@ -51,6 +53,7 @@ def test_time_and_error_together_name_what_a_candidate_lacks() -> None:
     plan = lichen.explain("gaussian", IMAGE, sigma=9, max_error=1e-4, max_ms=1e4)
     for offer, said in judged(plan).values():
         lacking = "not accurate enough: " if offer.error.value > 1e-4 else "fast and accurate enough, but "
+        lacking = lacking if offer.unfit is None else "not possible: "
         assert said == "taken" or said.startswith(lacking)
 
 
@@ -71,13 +74,11 @@ def test_what_the_result_would_be_with_each_is_what_it_is_when_asked_for() -> No
 
 
 def test_a_method_that_cannot_run_says_why() -> None:
-    said = [
-        text
-        for offer, text in judged(lichen.explain("gaussian", IMAGE, sigma=9, border="wrap")).values()
-        if offer.unfit
-    ]
-    assert said
-    assert all(text.startswith("not possible: the border is wrap") for text in said)
+    judgements = judged(lichen.explain("gaussian", IMAGE, sigma=9, border="wrap")).values()
+    said = {offer.method: text for offer, text in judgements if offer.unfit}
+    assert said.keys() == {"dct", "fft"}
+    assert said["dct"].startswith("not possible: the border is wrap")
+    assert said["fft"].startswith("not possible: rows and columns can be filtered one after the other")
 
 
 def test_where_nothing_can_be_promised_the_customary_setting_is_explained() -> None:

@@ -50,7 +50,7 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.colour.gamut_cases import CASES
-from lichen.operations.colour.gamut_outside import outside, worthwhile
+from lichen.operations.colour.gamut_outside import outside, told, worthwhile
 from lichen.operations.colour.primaries import Primaries, between
 from lichen.processors import each
 
@@ -317,16 +317,7 @@ def findings(inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
     flat = image.pixels.reshape(-1, image.channels)
     found = each(lambda start: _found(flat[start : start + BLOCK], p), range(0, len(flat), BLOCK))
     counts = np.sum([count for count, _ in found], axis=0)
-    return _told(counts / len(flat), max(distance for _, distance in found))
-
-
-def _told(shares: Array, farthest: float) -> Mapping[str, Any]:
-    *by_channel, by_any = shares
-    return {
-        "outside": float(by_any),
-        "outside_by_channel": [float(share) for share in by_channel],
-        "distance": farthest if farthest >= 0 else None,
-    }
+    return told(counts, len(flat), max(distance for _, distance in found))
 
 
 def _find_on(device: Device, inputs: Inputs, p: Parameters, pixels: Array) -> Mapping[str, Any]:
@@ -336,11 +327,8 @@ def _find_on(device: Device, inputs: Inputs, p: Parameters, pixels: Array) -> Ma
 
 
 def _looked_at(device: Device, image: Image, p: Parameters, *, shown: bool) -> tuple[Array | None, Mapping[str, Any]]:
-    """The report, if it is to be `shown`, and the findings."""
     there = None if p.source is p.target else between(p.source, p.target)[0]
-    found = outside(device, image, there, p.peak, shown=shown)
-    shares = np.array([*found.by_channel, found.by_any]) / (image.height * image.width)
-    return found.shown, _told(shares, found.distance)
+    return outside(device, image, there, p.peak, shown=shown)
 
 
 gamut.find_on = _find_on
@@ -383,8 +371,8 @@ def _reported(
     """The report and the findings, for which pixels are looked at alike; None where there is none to make so."""
     if p.action is not Action.REPORT or not worthwhile(device, inputs["image"]):
         return None
-    made, told = _looked_at(device, inputs["image"], p, shown=True)
-    return None if made is None else (made, told)
+    made, findings = _looked_at(device, inputs["image"], p, shown=True)
+    return None if made is None else (made, findings)
 
 
 @gamut.method(

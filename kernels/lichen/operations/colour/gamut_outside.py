@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,17 +19,11 @@ SHARE = 1 << 13
 """Pixels of a work-item."""
 
 
-@dataclass(frozen=True, slots=True)
-class Outside:
-    """What was found."""
-
-    by_channel: tuple[int, int, int]
-    """pixels that are outside by red, green and blue"""
-    by_any: int
-    distance: float
-    """the largest, below 0 where none is known"""
-    shown: Array | None
-    """float32 (height, width, 1): 1 where a pixel is outside, else 0"""
+def told(counts: Sequence[float], pixels: int, farthest: float) -> Mapping[str, Any]:
+    """The findings: how many of the pixels are outside by each channel and by any, and the largest distance, below 0
+    where none is known."""
+    *by_channel, by_any = (float(count) / pixels for count in counts)
+    return {"outside": by_any, "outside_by_channel": by_channel, "distance": farthest if farthest >= 0 else None}
 
 
 def worthwhile(device: Device, image: Image) -> bool:
@@ -37,8 +31,11 @@ def worthwhile(device: Device, image: Image) -> bool:
     return device.has_fp64 and image.pixels.dtype == np.float32 and image.height * image.width >= FEWEST
 
 
-def outside(device: Device, image: Image, there: Array | None, peak: float | None, *, shown: bool) -> Outside:
-    """Of float32 pixels that a matrix, float64 (3, 3), takes `there`, or that are of the gamut's primaries."""
+def outside(
+    device: Device, image: Image, there: Array | None, peak: float | None, *, shown: bool
+) -> tuple[Array | None, Mapping[str, Any]]:
+    """Of float32 pixels that a matrix, float64 (3, 3), takes `there`, or that are of the gamut's primaries: the report,
+    float32 (height, width, 1), if it is to be `shown`, 1 where a pixel is outside, else 0; and the findings."""
     pixels = image.height * image.width
     numbers = np.array([*(np.eye(3) if there is None else there).reshape(-1), peak or 0.0])
     parts = aligned_empty((-(-pixels // SHARE), 5), np.float64)
@@ -53,5 +50,4 @@ def outside(device: Device, image: Image, there: Array | None, peak: float | Non
             aligned(numbers, np.float64), np.int32(pixels), np.int32(SHARE),
             local=(1,), defines=defines,
         )  # fmt: skip
-    red, green, blue, by_any = (int(count) for count in parts[:, :4].sum(axis=0))
-    return Outside((red, green, blue), by_any, float(parts[:, 4].max()), out)
+    return out, told(parts[:, :4].sum(axis=0), pixels, float(parts[:, 4].max()))
