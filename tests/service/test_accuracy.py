@@ -129,5 +129,8 @@ def test_reports_are_kept_by_their_tag(call: Caller, path: str) -> None:
 def test_size_and_device_change_the_times_and_not_the_errors(call: Caller) -> None:
     small, large = (read_json(call("GET", f"/v1/accuracy/gaussian?size={size}"))["settings"] for size in (128, 1024))
     assert [each["worst"] for each in small] == [each["worst"] for each in large]
-    assert all(a["milliseconds"] < b["milliseconds"] for a, b in zip(small, large, strict=True))
+    pairs = [(a["milliseconds"], b["milliseconds"]) for a, b in zip(small, large, strict=True)]
+    unfit = [pair for pair in pairs if None in pair]  # what is for turned axes alone
+    assert unfit
+    assert all(pair == (None, None) or pair[0] < pair[1] for pair in pairs)
     assert read_json(call("GET", "/v1/accuracy/gaussian?device=numpy"))["device"] == "numpy"

@@ -1537,6 +1537,7 @@ class Operations(Generic[R]):
         value: float | None = None,
         missing: Literal["spread", "skip", "inside"] | None = None,
         tail: float | None = None,
+        bits: float | None = None,
         order: float | None = None,
         poles: float | None = None,
         extended: float | None = None,
@@ -1554,10 +1555,11 @@ class Operations(Generic[R]):
         value: what lies beyond a constant border; default 0.0
         missing: what becomes of samples that are NaN or infinite; default "spread"
         tail: weight of the modes that are dropped; 1e-09 to 0.5; a knob
+        bits: precision of the transforms: float32 or float64; 24 to 53; a knob
         order: exponentials in the response; 2 to 8; a knob
         poles: poles of the all-pole filter; 3 to 5; a knob
         extended: 1: boxes with parts of pixels at their ends; 0 to 1; a knob
-        method: fir, multirate, dct, deriche, vliet-young, box3
+        method: fir, fft, multirate, dct, deriche, vliet-young, box3
         """
         return self.run(
             "gaussian",
@@ -1571,6 +1573,7 @@ class Operations(Generic[R]):
             value=value,
             missing=missing,
             tail=tail,
+            bits=bits,
             order=order,
             poles=poles,
             extended=extended,
