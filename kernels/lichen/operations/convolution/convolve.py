@@ -215,7 +215,7 @@ def _passes(p: Parameters, tolerance: float) -> lowrank.Passes:
     scratch=4.3,
     error=base.worst(base.fft_error),
     work=base.total(base.fft_work),
-    rates={"opencl": Rate(1e-3, 2.6e-8), "numpy": Rate(1e-3, 2.6e-8)},
+    rates={"opencl": Rate(1e-3, 1.1e-8), "numpy": Rate(1e-3, 1.1e-8)},
     unfit=base.none_of(base.fft_unfit),
 )
 class Fft:

@@ -39,7 +39,7 @@ from lichen.operations.convolution.missing import (
     renormalised_error,
 )
 from lichen.operations.convolution.stencil import Stencil, reach_of_values
-from lichen.operations.convolution.transform import transform_sides
+from lichen.operations.convolution.transform import layout
 
 LARGEST, LARGEST_DIRECT = 511, 63
 Row = Annotated[tuple[float, ...], Field(min_length=1, max_length=LARGEST)]
@@ -279,11 +279,9 @@ def fft_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 
 
 def fft_work(p: Parameters, knob: float, facts: InputFacts) -> float:
-    """Samples of the transforms and the logarithm of their number, which is 1 for 1024 x 1024; of what is not finite,
-    each kind has some of its own."""
-    image = facts["image"]
-    samples = math.prod(transform_sides(image.height, image.width, stencil(p).taps.shape))
-    steps = samples * max(math.log2(samples), 1.0) / 20
+    """Of the transforms; what is not finite has some of its own, each kind."""
+    image, (tall, wide) = facts["image"], stencil(p).taps.shape
+    steps = layout(image.height, image.width, (tall, wide)).work
     return image.channels * steps * (5.0 if image.extent.nonfinite else 1.0)
 
 

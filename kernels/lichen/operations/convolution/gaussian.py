@@ -232,7 +232,7 @@ class Fir:
     knob=Knob("bits", (24.0, 53.0), "precision of the transforms: float32 or float64", 24, 53),
     error=base.spectral_error,
     work=base.spectral_work,
-    rates={"opencl": Rate(1e-3, 2.6e-8), "numpy": Rate(1e-3, 2.6e-8)},
+    rates={"opencl": Rate(1e-3, 1.1e-8), "numpy": Rate(1e-3, 1.1e-8)},
     unfit=base.spectral_unfit,
 )
 class Fft:

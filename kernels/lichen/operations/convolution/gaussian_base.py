@@ -18,6 +18,7 @@ from lichen.operations.convolution.missing import Missing, check_mask, leaves_ou
 from lichen.operations.convolution.multirate import WIDEST, Rates, in_bands, rates, step_of
 from lichen.operations.convolution.passes import rows_laid_out
 from lichen.operations.convolution.stencil import banded
+from lichen.operations.convolution.transform import Layout
 from lichen.processors import threads
 
 MOST_MODES = 1536
@@ -172,17 +173,17 @@ one number of a matrix, or as writing a sample between passes and reading it aga
 
 
 @latest
-def _sides(p: Parameters, facts: InputFacts) -> tuple[int, int]:
+def _layout(p: Parameters, facts: InputFacts) -> Layout:
     turned = asked(p, facts).turned
-    return gaussian_turned.spectral_sides(p.deviations if turned is None else turned.deviations, facts["image"])
+    return gaussian_turned.spectral_layout(p.deviations if turned is None else turned.deviations, facts["image"])
 
 
 def spectral_error(p: Parameters, bits: float, facts: InputFacts) -> Error:
-    return gaussian_turned.spectral_error(bits, _sides(p, facts), *spread(p, facts))
+    return gaussian_turned.spectral_error(bits, _layout(p, facts), *spread(p, facts))
 
 
 def spectral_work(p: Parameters, bits: float, facts: InputFacts) -> float:
-    return gaussian_turned.spectral_work(bits, _sides(p, facts), facts["image"].channels)
+    return gaussian_turned.spectral_work(bits, _layout(p, facts), facts["image"].channels)
 
 
 def spectral_unfit(p: Parameters, facts: InputFacts) -> str | None:

@@ -23,7 +23,7 @@ from lichen.operations.convolution.gaussian_weights import BARELY, NORMAL
 from lichen.operations.convolution.kernels import Matrix, separated
 from lichen.operations.convolution.passes import folded
 from lichen.operations.convolution.stencil import Stencil, correlate_numpy, correlate_opencl
-from lichen.operations.convolution.transform import correlated_by_transform, transform_sides
+from lichen.operations.convolution.transform import Layout, correlated_by_transform, layout
 
 MOVED = 60.0
 """Multiply-adds that take as long as moving a sample through two passes."""
@@ -163,23 +163,21 @@ def _passes(turned: Turned, tail: float, value: float) -> lowrank.Passes:
 # ------------------------------------------------------------------------------------------------ products of spectra
 
 
-def spectral_error(bits: float, sides: tuple[int, int], wide: float, magnitude: float) -> Error:
+def spectral_error(bits: float, laid: Layout, wide: float, magnitude: float) -> Error:
     """The weight that is cut off, and rounding: of transforms in float32 the worst that was seen, with a margin of two;
     of those in doubles that of the result."""
-    rounding = ROUNDING * (1.0 + 1e-6 if bits > SINGLE else math.log2(math.prod(sides))) * magnitude
+    rounding = ROUNDING * (1.0 + 1e-6 if bits > SINGLE else math.log2(math.prod(laid.sides))) * magnitude
     return Error(SPECTRAL * wide + rounding, "estimate", rounding)
 
 
-def spectral_work(bits: float, sides: tuple[int, int], channels: int) -> float:
-    """Samples of the transforms and the logarithm of their number, which is 1 for 1024 x 1024."""
-    samples = math.prod(sides)
-    return channels * samples * max(math.log2(samples), 1.0) / 20 * (1.0 if bits > SINGLE else 0.6)
+def spectral_work(bits: float, laid: Layout, channels: int) -> float:
+    return channels * laid.work * (1.0 if bits > SINGLE else 0.6)
 
 
-def spectral_sides(deviations: tuple[float, float], image: Facts) -> tuple[int, int]:
-    """Of the transforms, without the kernel."""
+def spectral_layout(deviations: tuple[float, float], image: Facts) -> Layout:
+    """About that of the transforms, without the kernel."""
     tall, wide = (2 * math.ceil(NORMAL.inv_cdf(1 - SPECTRAL / 4) * each) + 1 for each in deviations)
-    return transform_sides(image.height, image.width, (tall, wide))
+    return layout(image.height, image.width, (tall, wide))
 
 
 def by_spectra(image: Image, turned: Turned, bits: float, border: Border, value: float) -> Array:

@@ -4,20 +4,62 @@ A transform mixes every sample with every other. Samples that are not finite are
 tap meets one the result is set to what the sum would be: whether it does is a correlation of where they lie with where
 the taps are, whose results are whole numbers and thus known without error.
 
+Large images are cut into squares that overlap by the kernel and stay in cache (overlap-save).
+
 Source: Oppenheim and Schafer, Discrete-Time Signal Processing (1989), 8.7.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from lichen.memory import Array, aligned_empty
 from lichen.operation import Border
+from lichen.operations.convolution.borders import OUTSIDE, continued
 from lichen.operations.convolution.kernels import Matrix
-from lichen.operations.convolution.stencil import Stencil, continue_image
-from lichen.processors import threads
+from lichen.operations.convolution.stencil import Stencil
+from lichen.processors import each, threads
+
+SQUARES = (256, 384, 512, 768, 1024)
+"""Sides of transforms that stay in a processor's cache."""
+SPILT = 2.5
+"""How many times as long a step of a transform takes of which that is not so."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The transforms of an image: one of `sides` rows and columns for each of the tiles that begin at `starts`."""
+
+    sides: tuple[int, int]
+    starts: tuple[tuple[int, int], ...]
+    work: float
+    """for each channel: samples and the logarithm of their number, which is 1 for 1024 x 1024, as they take in cache"""
+
+
+@lru_cache(1024)
+def layout(height: int, width: int, kernel: tuple[int, int]) -> Layout:
+    """The quickest: of the whole image with its surroundings, up to sizes whose factors are 2, 3 and 5, or of squares.
+    It does not depend on how many processors there are, so neither does the result."""
+    tall, wide = kernel
+    whole = _smooth_size(height + tall - 1), _smooth_size(width + wide - 1)
+    found = [Layout(whole, ((0, 0),), SPILT * _steps(whole))]
+    for side in SQUARES:
+        down, across = side - tall + 1, side - wide + 1
+        if min(down, across) > 0:
+            starts = tuple((y, x) for y in range(0, height, down) for x in range(0, width, across))
+            pairs = -(-len(starts) // 2)
+            found.append(Layout((side, side), starts, 2 * pairs * _steps((side, side))))
+    return min(found, key=lambda each: each.work)
+
+
+def _steps(sides: tuple[int, int]) -> float:
+    samples = math.prod(sides)
+    return samples * max(math.log2(samples), 1.0) / 20
 
 
 def correlated_by_transform(
@@ -25,33 +67,55 @@ def correlated_by_transform(
 ) -> Array:
     """float32 (height, width, channels), by transforms in numbers of a `kind`."""
     (tall, wide), (height, width, channels) = whole.taps.shape, pixels.shape
-    rows, columns = (whole.top, tall - 1 - whole.top), (whole.left, wide - 1 - whole.left)
-    around = continue_image(pixels, rows, columns, border, value)
-    sides = transform_sides(height, width, (tall, wide))
-    spectrum = np.conj(_spectrum(whole.taps.astype(kind), sides))
+    rows = continued(np.arange(height + tall - 1) - whole.top, height, border)
+    columns = continued(np.arange(width + wide - 1) - whole.left, width, border)
+    laid = layout(height, width, (tall, wide))
+    sides, workers = laid.sides, threads() if len(laid.starts) == 1 else 1
+    spectrum = np.conj(_spectrum(whole.taps.astype(kind), sides, workers))
+    down, across = sides[0] - tall + 1, sides[1] - wide + 1
     out = aligned_empty(pixels.shape)
-    for channel in range(channels):
-        plane = around[..., channel].astype(kind)
-        finite = np.isfinite(plane)
-        clean = plane if finite.all() else np.where(finite, plane, 0.0)
-        product = _spectrum(clean, sides)
-        product *= spectrum
-        made = _samples(product, sides, (height, width))
-        made += whole.bias
-        if clean is not plane:
-            _set_nonfinite(made, plane, whole.taps, sides)
-        out[..., channel] = made
+
+    def tile(start: tuple[int, int]) -> None:
+        y, x = start
+        into = out[y : y + down, x : x + across]
+        around = _read(pixels, rows[y : y + sides[0]], columns[x : x + sides[1]], value)
+        for channel in range(channels):
+            plane = around[..., channel].astype(kind)
+            finite = np.isfinite(plane)
+            clean = plane if finite.all() else np.where(finite, plane, kind(0))
+            product = _spectrum(clean, sides, workers)
+            product *= spectrum
+            made = _samples(product, sides, into.shape[:2], workers)
+            made += whole.bias
+            if clean is not plane:
+                _set_nonfinite(made, plane, whole.taps, sides, workers)
+            into[..., channel] = made
+
+    each(tile, laid.starts)
     return out
 
 
-def _set_nonfinite(made: Matrix, plane: Matrix, taps: Matrix, sides: tuple[int, int]) -> None:
+def _read(pixels: Array, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64], value: float) -> Array:
+    """The samples at these places, of which some may be OUTSIDE; of places in a row no copy."""
+    places = list(enumerate((rows, columns)))
+    apart = [each for each in places if np.any(np.diff(each[1]) != 1) or each[1][0] == OUTSIDE]
+    for axis, at in places:
+        if not any(axis == other for other, _ in apart):
+            pixels = pixels[(slice(None),) * axis + (slice(at[0], at[-1] + 1),)]
+    for axis, at in apart:
+        pixels = np.take(pixels, np.maximum(at, 0), axis)
+        np.moveaxis(pixels, axis, 0)[at == OUTSIDE] = value
+    return pixels
+
+
+def _set_nonfinite(made: Matrix, plane: Matrix, taps: Matrix, sides: tuple[int, int], workers: int) -> None:
     """NaN where a tap meets NaN or both infinities, an infinity where taps meet that of one sign."""
 
     def meets(where: Array, tapped: Array) -> Array:
         if not (where.any() and tapped.any()):
             return np.zeros(made.shape, bool)
-        product = _spectrum(where.astype(np.float64), sides) * np.conj(_spectrum(tapped.astype(np.float64), sides))
-        return np.asarray(_samples(product, sides, made.shape) > 0.5)
+        first, second = (_spectrum(each.astype(np.float64), sides, workers) for each in (where, tapped))
+        return np.asarray(_samples(first * np.conj(second), sides, made.shape, workers) > 0.5)
 
     above = meets(plane == np.inf, taps > 0) | meets(plane == -np.inf, taps < 0)
     below = meets(plane == np.inf, taps < 0) | meets(plane == -np.inf, taps > 0)
@@ -59,27 +123,21 @@ def _set_nonfinite(made: Matrix, plane: Matrix, taps: Matrix, sides: tuple[int, 
     made[(above & below) | meets(np.isnan(plane), taps != 0)] = np.nan
 
 
-def _spectrum(plane: Matrix, sides: tuple[int, int]) -> Array:
+def _spectrum(plane: Matrix, sides: tuple[int, int], workers: int) -> Array:
     """Along the rows that are there, and then down, zeros below them. Every line is transformed by itself, so that the
     number of processors changes no bit."""
     from scipy import fft  # slow to load, and only large kernels need it
 
-    rows = fft.rfft(plane, sides[1], axis=1, workers=threads())
-    return np.asarray(fft.fft(rows, sides[0], axis=0, overwrite_x=True, workers=threads()))
+    rows = fft.rfft(plane, sides[1], axis=1, workers=workers)
+    return np.asarray(fft.fft(rows, sides[0], axis=0, overwrite_x=True, workers=workers))
 
 
-def _samples(spectrum: Array, sides: tuple[int, int], shape: tuple[int, ...]) -> Matrix:
+def _samples(spectrum: Array, sides: tuple[int, int], shape: tuple[int, ...], workers: int) -> Matrix:
     """The first rows and columns, so many."""
     from scipy import fft
 
-    rows = fft.ifft(spectrum, sides[0], axis=0, overwrite_x=True, workers=threads())[: shape[0]]
-    return np.asarray(fft.irfft(rows, sides[1], axis=1, workers=threads())[:, : shape[1]])
-
-
-def transform_sides(height: int, width: int, kernel: tuple[int, ...]) -> tuple[int, int]:
-    """Rows and columns of the transform: image and kernel, up to sizes whose factors are 2, 3 and 5."""
-    tall, wide = kernel
-    return _smooth_size(height + tall - 1), _smooth_size(width + wide - 1)
+    rows = fft.ifft(spectrum, sides[0], axis=0, overwrite_x=True, workers=workers)[: shape[0]]
+    return np.asarray(fft.irfft(rows, sides[1], axis=1, workers=workers)[:, : shape[1]])
 
 
 @lru_cache(1024)
