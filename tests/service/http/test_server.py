@@ -110,10 +110,12 @@ def until_said(service: Service, text: str) -> str:
 
 
 def until_gone(pid: int) -> None:
+    """Dead with all its threads, before which nobody can be told of it."""
     end = time.monotonic() + PATIENCE
     while True:
         try:
-            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+            dead = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+            if dead and len(os.listdir(f"/proc/{pid}/task")) == 1:
                 return
         except FileNotFoundError:
             return
