@@ -61,7 +61,7 @@ def held_up(row: list[str]) -> str | None:
         beside = float(row[3]) - float(row[4])
         return (
             f"Its kernels are not: planning, checking, launching and waiting take {beside:.1f} ms beside them. Of a "
-            "tiny picture they take 0.3 ms; large ones drive what they need out of the caches."
+            "tiny picture they take 0.4 ms; large ones drive what they need out of the caches."
         )
     return BOUNDS.get(row[0])
 
