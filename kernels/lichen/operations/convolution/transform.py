@@ -11,6 +11,7 @@ Source: Oppenheim and Schafer, Discrete-Time Signal Processing (1989), 8.7.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -33,10 +34,9 @@ SPILT = 2.5
 
 @dataclass(frozen=True)
 class Layout:
-    """The transforms of an image: one of `sides` rows and columns for each of the tiles that begin at `starts`."""
+    """The transforms of an image: of `sides` rows and columns, one for each tile."""
 
     sides: tuple[int, int]
-    starts: tuple[tuple[int, int], ...]
     work: float
     """for each channel: samples and the logarithm of their number, which is 1 for 1024 x 1024, as they take in cache"""
 
@@ -47,13 +47,12 @@ def layout(height: int, width: int, kernel: tuple[int, int]) -> Layout:
     It does not depend on how many processors there are, so neither does the result."""
     tall, wide = kernel
     whole = _smooth_size(height + tall - 1), _smooth_size(width + wide - 1)
-    found = [Layout(whole, ((0, 0),), SPILT * _steps(whole))]
+    found = [Layout(whole, SPILT * _steps(whole))]
     for side in SQUARES:
         down, across = side - tall + 1, side - wide + 1
         if min(down, across) > 0:
-            starts = tuple((y, x) for y in range(0, height, down) for x in range(0, width, across))
-            pairs = -(-len(starts) // 2)
-            found.append(Layout((side, side), starts, 2 * pairs * _steps((side, side))))
+            tiles = -(-height // down) * -(-width // across)
+            found.append(Layout((side, side), 2 * -(-tiles // 2) * _steps((side, side))))
     return min(found, key=lambda each: each.work)
 
 
@@ -69,10 +68,11 @@ def correlated_by_transform(
     (tall, wide), (height, width, channels) = whole.taps.shape, pixels.shape
     rows = continued(np.arange(height + tall - 1) - whole.top, height, border)
     columns = continued(np.arange(width + wide - 1) - whole.left, width, border)
-    laid = layout(height, width, (tall, wide))
-    sides, workers = laid.sides, threads() if len(laid.starts) == 1 else 1
-    spectrum = np.conj(_spectrum(whole.taps.astype(kind), sides, workers))
+    sides = layout(height, width, (tall, wide)).sides
     down, across = sides[0] - tall + 1, sides[1] - wide + 1
+    starts = list(itertools.product(range(0, height, down), range(0, width, across)))
+    workers = threads() if len(starts) == 1 else 1
+    spectrum = np.conj(_spectrum(whole.taps.astype(kind), sides, workers))
     out = aligned_empty(pixels.shape)
 
     def tile(start: tuple[int, int]) -> None:
@@ -91,7 +91,7 @@ def correlated_by_transform(
                 _set_nonfinite(made, plane, whole.taps, sides, workers)
             into[..., channel] = made
 
-    each(tile, laid.starts)
+    each(tile, starts)
     return out
 
 
