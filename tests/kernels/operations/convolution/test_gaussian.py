@@ -15,7 +15,6 @@ from lichen.opencl.device import default_device
 from lichen.operation import Border, Facts
 from lichen.operations.convolution import multirate
 from lichen.operations.convolution.gaussian import Parameters, gaussian
-from lichen.operations.convolution.gaussian_turned import SPECTRAL, stencil
 from lichen.operations.convolution.gaussian_weights import (
     dct_bases,
     dct_modes,
@@ -26,7 +25,6 @@ from lichen.operations.convolution.gaussian_weights import (
     modes_about,
 )
 from lichen.operations.convolution.passes import folded
-from lichen.operations.convolution.transform import layout
 
 SCIPY = {
     Border.REFLECT: "reflect",
@@ -228,18 +226,6 @@ def test_products_of_spectra_are_the_turned_blur(border: Border, bits: float) ->
         made = method.implementation.numpy({"image": image}, p, bits)
         stated = method.error(p, bits, {"image": Facts.of(image)}).value
         assert np.abs(made - gaussian.evaluate_truth({"image": image}, p)).max() <= stated <= (9e-6, 4e-7)[bits > 24]
-
-
-def test_squares_join_without_a_seam() -> None:
-    """Of an image that is cut in both directions, with a constant around it."""
-    image, method = as_image(np.random.default_rng(6).random((700, 530, 1), np.float32)), gaussian.methods["fft"]
-    p = Parameters(sigma=1, sigma_x=6.0, sigma_y=2.0, angle=20, border=Border.CONSTANT, value=2.0)
-    taps = stencil(p.turned, SPECTRAL).taps.shape
-    assert max(layout(700, 530, taps).sides) < 530
-    made = method.implementation.numpy({"image": image}, p, 53.0)
-    at = np.r_[0:40, 200:280, 660:700]
-    expected = gaussian.evaluate_truth({"image": image}, p)
-    np.testing.assert_allclose(made[at], expected[at], atol=4e-7)
 
 
 def test_a_line_turned_lies_where_its_angle_says() -> None:
