@@ -192,7 +192,8 @@ class Method(Generic[P]):
     long, so that methods that cannot be quick enough need not be asked"""
     orderly: bool = False
     """whether its error is known at once, and no value of its knob makes it larger, rounding aside, than one before:
-    the first that is accurate enough is then found in a few steps"""
+    the first that is accurate enough is then found in a few steps, and where no value takes less work than one before
+    it, only the last is looked at of values that all take the same"""
     finding: Callable[[Device, Inputs, P, float], tuple[Array, Mapping[str, Any]] | None] | None = None
     """what its body for OpenCL makes, and what the operation reports of it, where both come out of one pass; None of
     what is done in two"""

@@ -26,6 +26,8 @@ from lichen.operations.convolution.kernels import Matrix
 from lichen.operations.convolution.stencil import Stencil
 from lichen.processors import each, threads
 
+Places = npt.NDArray[np.int64]
+
 SQUARES = (256, 384, 512, 768, 1024)
 """Sides of transforms that stay in a processor's cache."""
 SPILT = 2.5
@@ -53,7 +55,7 @@ def layout(height: int, width: int, kernel: tuple[int, int]) -> Layout:
         if min(down, across) > 0:
             tiles = -(-height // down) * -(-width // across)
             found.append(Layout((side, side), 2 * -(-tiles // 2) * _steps((side, side))))
-    return min(found, key=lambda each: each.work)
+    return min(found, key=lambda laid: laid.work)
 
 
 def _steps(sides: tuple[int, int]) -> float:
@@ -95,17 +97,20 @@ def correlated_by_transform(
     return out
 
 
-def _read(pixels: Array, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64], value: float) -> Array:
-    """The samples at these places, of which some may be OUTSIDE; of places in a row no copy."""
-    places = list(enumerate((rows, columns)))
-    apart = [each for each in places if np.any(np.diff(each[1]) != 1) or each[1][0] == OUTSIDE]
-    for axis, at in places:
-        if not any(axis == other for other, _ in apart):
-            pixels = pixels[(slice(None),) * axis + (slice(at[0], at[-1] + 1),)]
-    for axis, at in apart:
-        pixels = np.take(pixels, np.maximum(at, 0), axis)
-        np.moveaxis(pixels, axis, 0)[at == OUTSIDE] = value
+def _read(pixels: Array, rows: Places, columns: Places, value: float) -> Array:
+    """The samples at these places, of which some may be OUTSIDE; first along an axis where they lie in a row, which
+    takes no copy."""
+    for axis, at in sorted(enumerate((rows, columns)), key=lambda places: not _in_a_row(places[1])):
+        if _in_a_row(at):
+            pixels = pixels[at[0] : at[-1] + 1] if axis == 0 else pixels[:, at[0] : at[-1] + 1]
+        else:
+            pixels = np.take(pixels, np.maximum(at, 0), axis)
+            np.moveaxis(pixels, axis, 0)[at == OUTSIDE] = value
     return pixels
+
+
+def _in_a_row(at: Places) -> bool:
+    return at[0] != OUTSIDE and not np.any(np.diff(at) != 1)
 
 
 def _set_nonfinite(made: Matrix, plane: Matrix, taps: Matrix, sides: tuple[int, int], workers: int) -> None:
@@ -114,7 +119,7 @@ def _set_nonfinite(made: Matrix, plane: Matrix, taps: Matrix, sides: tuple[int, 
     def meets(where: Array, tapped: Array) -> Array:
         if not (where.any() and tapped.any()):
             return np.zeros(made.shape, bool)
-        first, second = (_spectrum(each.astype(np.float64), sides, workers) for each in (where, tapped))
+        first, second = (_spectrum(plane.astype(np.float64), sides, workers) for plane in (where, tapped))
         return np.asarray(_samples(first * np.conj(second), sides, made.shape, workers) > 0.5)
 
     above = meets(plane == np.inf, taps > 0) | meets(plane == -np.inf, taps < 0)
