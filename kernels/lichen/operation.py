@@ -272,7 +272,7 @@ class Operation(Generic[P]):
     """whether these parameters ask for the numbers as they are, although `light` is linear"""
     check: Callable[[P, InputFacts], list[Flaw]] = lambda parameters, facts: []
     """flaws that only parameters and inputs together show, found before any pixel is computed"""
-    customary: tuple[str, float] | None = None
+    customary: tuple[str, float | None] | None = None
     """the method and knob that the field takes for granted: run where a caller asks for nothing and no method's error
     lies below what the output could show; the most accurate where nothing is declared"""
     examples: tuple[Mapping[str, Any], ...] = ({},)

@@ -118,9 +118,10 @@ def _most_accurate(usable: Mapping[str, Offers], measure: Measure) -> dict[str, 
     return {name: offers.best(measure) for name, offers in usable.items()}
 
 
-def _customary(node: Node, offers: Iterable[Candidate]) -> Candidate | None:
+def _customary(node: Node, offers: Offers) -> Candidate | None:
     """The candidate that the operation declares as customary, if it is among those that the request leaves."""
-    return next((offer for offer in offers if (offer.method, offer.knob) == node.operation.customary), None)
+    named = node.operation.customary
+    return None if named is None else offers.named(*named)
 
 
 def _cheapest(problem: Problem, choices: Choices, measure: Measure, targets: Mapping[str, float]) -> Choices:

@@ -67,14 +67,6 @@ class Way(NamedTuple):
         return rate.start + rate.step * work
 
     @property
-    def weighed(self) -> float:
-        """The same, by the work of the first where no other takes less."""
-        method = self.method
-        if method.lightest is not None or not (method.knob is None or method.knob.rising) or self.unfit is not None:
-            return self.shortest
-        return self.at(self.settings[0]).seconds
-
-    @property
     def unfit(self) -> str | None:
         """Why none of them can be taken at all."""
         return self.about.unfit(self.method.name)
@@ -82,19 +74,33 @@ class Way(NamedTuple):
     def at(self, setting: float | None) -> Candidate:
         return Candidate(self.method.name, setting, self.about.offer(self.method, setting), self.rate)
 
-    def able(self, limit: float) -> Iterator[Candidate]:
-        """Those that can be taken and of which it is not known at once that they err by more; the quickest first."""
-        about, method, settings, _ = self
+    def within(self, limit: float) -> Way | None:
+        """Those that can be taken and of which it is not known at once that they err by more."""
+        about, method, settings, rate = self
         if self.unfit is not None:
-            return iter(())
+            return None
+        if (least := method.least) is None or limit == math.inf:
+            return self
+        near = tuple([each for each in settings if least(about.parameters, each or 0.0, about.facts) <= limit])
+        return Way(about, method, near, rate) if near else None
+
+    @property
+    def weighed(self) -> float:
+        """As `shortest`, by the work of the first where no other takes less."""
+        method = self.method
+        if method.lightest is not None or not (method.knob is None or method.knob.rising):
+            return self.shortest
+        return self.at(self.settings[0]).seconds
+
+    def in_turn(self, limit: float) -> Iterator[Candidate]:
+        """The quickest first, of those that are not found to err by more."""
+        method, settings = self.method, self.settings
         if method.orderly and method.knob is not None and method.knob.rising and self._alike:
             settings = settings[-1:]  # the most accurate of equally quick ones
-        elif limit < math.inf and method.orderly:
+        elif method.orderly and limit < math.inf:
             settings = settings[bisect_left(settings, -limit, key=self._better) :]
-        elif limit < math.inf and (least := method.least) is not None:
-            settings = tuple([each for each in settings if least(about.parameters, each or 0.0, about.facts) <= limit])
         found = map(self.at, settings)
-        return found if method.knob is None or method.knob.rising else iter(sorted(found, key=_seconds))
+        yield from found if method.knob is None or method.knob.rising else sorted(found, key=_seconds)
 
     @property
     def _alike(self) -> bool:
@@ -134,6 +140,13 @@ class Offers:
         """Those that can be taken."""
         single = tuple([offer for offer in self.single if offer.unfit is None])
         return Offers(single, tuple([way for way in self.ways if way.unfit is None]))
+
+    def named(self, method: str, setting: float | None) -> Candidate | None:
+        """That method at that setting, if it is among them."""
+        for way in self.ways:
+            if way.method.name == method and setting in way.settings:
+                return way.at(setting)
+        return next((offer for offer in self.single if (offer.method, offer.knob) == (method, setting)), None)
 
     def best(self, measure: Measure) -> Candidate:
         """The most accurate that can be taken, of equally accurate ones the quickest. Those that are known to be less
@@ -196,11 +209,11 @@ class Offers:
         while heap:
             seconds, place, found, others = heappop(heap)
             if isinstance(others, Way):
-                if (least := others.weighed) > seconds:
-                    heappush(heap, (least, place, None, others))
-                    others = iter(())
-                else:
-                    others = others.able(limit)
+                near, others = others.within(limit), iter(())
+                if near is not None and (least := near.weighed) > seconds:
+                    heappush(heap, (least, place, None, near.in_turn(limit)))
+                elif near is not None:
+                    others = near.in_turn(limit)
             if found is not None:
                 equal.append((place, found))
                 place += 1

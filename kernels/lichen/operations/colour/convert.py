@@ -134,7 +134,7 @@ convert = Operation(
     propagate=_propagate,
     wants_alpha=Alpha.STRAIGHT,
     check=_check,
-    customary=("single", 0.0),
+    customary=("single", None),
     examples=EXAMPLES,
     hard_cases=CASES,
 )

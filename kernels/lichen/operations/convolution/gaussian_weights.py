@@ -21,6 +21,8 @@ Vector = npt.NDArray[np.float64]
 Modes = npt.NDArray[np.int_]
 BARELY = 1e-17
 """Weight below which a tap changes nothing even in float64."""
+WHOLLY = 1.5
+"""px; of wider kernels the sum over all integers is the integral in every digit of float64, by Poisson's formula."""
 MOST_TAIL = 0.5
 """The largest that may be asked for."""
 NORMAL = NormalDist()
@@ -32,16 +34,18 @@ def half_kernel(sigma: float) -> Vector:
     reach = math.ceil(sigma * math.sqrt(-2 * math.log(BARELY))) + 1
     with np.errstate(over="ignore"):  # beside a width of nearly nothing every distance is infinite
         weights = np.exp(-0.5 * np.square(np.arange(reach + 1) / sigma)) if sigma else np.array([1.0, 0.0])
+    if sigma > WHOLLY:
+        whole: Vector = weights / (sigma * math.sqrt(2 * math.pi))
+        return whole
     total: Vector = weights / (weights[0] + 2 * math.fsum(weights[1:]))
     return total
 
 
 @lru_cache(maxsize=64)
-def _outside(sigma: float) -> list[float]:
-    """The weight at distances >= r, for r = n - 1, n - 2 ... 0, from as far as it matters; it rises. Of a list, since
-    planning looks for a number in it by the dozen."""
-    outside: list[float] = (2 * np.cumsum(half_kernel(sigma)[::-1])).tolist()
-    return outside
+def _outside(sigma: float) -> memoryview:
+    """The weight at distances >= r, for r = n - 1, n - 2 ... 0, from as far as it matters; it rises. Not of an array,
+    since planning looks for a number in it by the dozen."""
+    return memoryview(2 * np.cumsum(half_kernel(sigma)[::-1]))
 
 
 @lru_cache(maxsize=1024)

@@ -97,9 +97,12 @@ class Filter:
         return self._whole[:count].copy() if count <= len(self._whole) else self._response(count)
 
     def _response(self, count: int) -> npt.NDArray[np.float64]:
+        """Of powers p^(s i + j), each the product of two of which there are few."""
         logs = np.log(np.where(self.poles == 0, 1e-300, self.poles))
-        powers = np.exp(np.multiply.outer(np.arange(count), logs))
-        made: npt.NDArray[np.float64] = (powers @ self.weights).real
+        side = math.isqrt(count - 1) + 1
+        near = np.exp(np.multiply.outer(logs, np.arange(side)))
+        far = np.exp(np.multiply.outer(np.arange(-(-count // side)), logs * side)) * self.weights
+        made: npt.NDArray[np.float64] = (far @ near).real.ravel()[:count]
         return made
 
     @cached_property

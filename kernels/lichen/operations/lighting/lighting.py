@@ -105,8 +105,13 @@ _whole = latest(_reflected)
 """Of all lamps."""
 
 
-def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+@latest
+def _by_formulas(p: Parameters, facts: InputFacts) -> Error:
     return errors.exact(_whole(p, facts), p.material(), _texels(p, facts))
+
+
+def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    return _by_formulas(p, facts)
 
 
 def _and_left_out(
@@ -253,7 +258,7 @@ class Schlick:
 
 def _sparse_error(p: Parameters, share: float, facts: InputFacts) -> Error:
     """What an area gives, either way: lamps at its discs may be anywhere in a highlight."""
-    rounding = _exact_error(p, share, facts).value
+    rounding = _by_formulas(p, facts).value
     if share >= 1 or _without_areas(p, facts):
         return Error(rounding, "estimate", rounding)
     apart = max(_from_all_areas(p, facts), _from_areas(p.sparse(share), facts))
@@ -269,6 +274,11 @@ def _from_areas(p: Parameters, facts: InputFacts) -> float:
 _from_all_areas = latest(_from_areas)
 
 
+def _sparse_least(p: Parameters, share: float, facts: InputFacts) -> float:
+    """As much as all of them give."""
+    return 0.0 if share >= 1 or _without_areas(p, facts) else _from_all_areas(p, facts)
+
+
 def _without_areas(p: Parameters, facts: InputFacts) -> str | None:
     wide = any(lamp.kind in WIDE and math.prod(lamp.grid) > 1 for lamp in p.lights)
     return None if wide else "no lamp is made up of several discs"
@@ -277,6 +287,7 @@ def _without_areas(p: Parameters, facts: InputFacts) -> str | None:
 @lighting.method(
     "sparse",
     error=_and_left_out(_sparse_error),
+    least=_sparse_least,
     work=lambda p, share, facts: _work(p.sparse(share), share, facts),
     rates=RATES,
     knob=Knob("share", (1 / 64, 1 / 16, 1 / 4, 1.0), "of the discs that make up areas", 1 / 1024, 1.0),
@@ -297,12 +308,25 @@ class Sparse:
 
 def _coarse_error(p: Parameters, step: float, facts: InputFacts) -> Error:
     """Means of light differ from it by its range at most: that from 0 where no colour is negative."""
-    rounding = _exact_error(p, step, facts).value
+    rounding = _by_formulas(p, facts).value
     if coarse.power(step) == 1:
         return Error(rounding, "estimate", rounding)
-    most = errors.extent(_whole(p, facts), p.material(), 0).high
+    most = _brightest(p, facts)
     signed = any(facts[name].extent.low < 0 for name in ("albedo", "specular", "visibility") if name in facts)
     return Error(errors.finite(rounding + most * (1 + signed)), "estimate", rounding, _usual(most, step))
+
+
+def _coarse_least(p: Parameters, step: float, facts: InputFacts) -> float:
+    """As it is off as a rule, or by all of the light."""
+    if coarse.power(step) == 1:
+        return 0.0
+    most = _brightest(p, facts)
+    return max(min(_usual(most, step), most) - _by_formulas(p, facts).value, 0.0)
+
+
+@latest
+def _brightest(p: Parameters, facts: InputFacts) -> float:
+    return errors.extent(_whole(p, facts), p.material(), 0).high
 
 
 def _usual(most: float, step: float) -> float:
@@ -313,6 +337,7 @@ def _usual(most: float, step: float) -> float:
 @lighting.method(
     "coarse",
     error=_coarse_error,
+    least=_coarse_least,
     work=lambda p, step, facts: (
         _work(p, step, facts) * ((1 + p.shines) / coarse.power(step) ** 2 + 0.05) + 4 * facts["normal"].pixels
         if coarse.power(step) > 1

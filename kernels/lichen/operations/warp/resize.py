@@ -280,7 +280,7 @@ resize = Operation(
     part=_part,
     identity=_identity,
     check=_check,
-    customary=("lanczos3", 0.0),
+    customary=("lanczos3", None),
     examples=(
         {"scale": 0.4},
         {"width": 96, "height": 20, "border": "reflect"},
