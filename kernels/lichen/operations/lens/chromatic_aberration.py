@@ -75,6 +75,12 @@ def _warps(p: Parameters, facts: InputFacts) -> list[Affine]:
 
 
 @latest
+def _smallest(p: Parameters, facts: InputFacts) -> Affine:
+    """Of the channel that shrinks most, if any does: filters err most there."""
+    return _warps(p, facts)[p.scales.index(min(p.scales))]
+
+
+@latest
 def _facts(facts: InputFacts) -> InputFacts:
     """Of one channel: no more than of all of them."""
     image = facts["image"]
@@ -162,12 +168,11 @@ def _add(name: str, told: str) -> None:
             return _by_channel(inputs, p, lambda one, warp: method.implementation.numpy(one, warp, knob), np.float32)
 
     def worst(p: Parameters, knob: float, facts: InputFacts) -> Error:
-        errors = [method.error(warp, knob, _facts(facts)) for warp in _warps(p, facts)]
-        return max(errors, key=lambda error: error.value)
+        return method.error(_smallest(p, facts), knob, _facts(facts))
 
     def least(p: Parameters, knob: float, facts: InputFacts) -> float:
         assert method.least is not None, "methods of affine say what they err by at least"
-        return min([method.least(warp, knob, _facts(facts)) for warp in _warps(p, facts)])
+        return method.least(_smallest(p, facts), knob, _facts(facts))
 
     def work(p: Parameters, knob: float, facts: InputFacts) -> float:
         works = [method.work(warp, knob, _facts(facts)) for warp in _warps(p, facts)]

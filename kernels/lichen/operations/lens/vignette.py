@@ -124,12 +124,13 @@ def tabled(lens: Lens, entries: int) -> tuple[float, float]:
     """The largest error at 16 places between two entries, and a tenth more for what lies between those; and the largest
     step between two entries. Of a long table, it is looked for where the entries bend most, and where the gain comes to
     its limit: elsewhere it bends steadily."""
-    step, made, cells = lens.farthest / (entries - 1), lens.table(entries), np.arange(entries - 1)
-    steps = np.diff(made)
+    step, numbers = lens.farthest / (entries - 1), np.arange(entries)
+    made, cells = lens.gain(numbers * step), numbers[:-1]
+    steps = made[1:] - made[:-1]
     if entries > 2 * WORST:
-        most = np.argpartition(np.abs(np.diff(steps)), -WORST)[-WORST:]
+        most = np.abs(steps[1:] - steps[:-1]).argpartition(-WORST)[-WORST:]
         limited = min(max(int(np.count_nonzero(made < lens.p.largest)) - 1, 0), entries - 2)
-        cells = np.unique([*most, *(most + 1), limited])
+        cells = np.concatenate([most, most + 1, [limited]])
     linear = made[cells, np.newaxis] + steps[cells, np.newaxis] * SHARES
     apart = np.abs(linear - lens.gain((cells[:, np.newaxis] + SHARES) * step))
     return 1.1 * float(apart.max()), float(np.abs(steps).max())

@@ -136,10 +136,13 @@ class Projective(Map):
         return self.matrix[6] == 0 and self.matrix[7] == 0
 
     def largest(self) -> float | None:
-        """The larger singular value of the footprint where it is one everywhere, else None."""
-        if not self.affine or not self.matrix[8] > 0:
+        """The larger singular value of the footprint where it is one everywhere, else None: as ellipses have it."""
+        w = self.matrix[8]
+        if not self.affine or not w > 0:
             return None
-        return float(np.linalg.svd(self.array[:2, :2] / self.matrix[8], compute_uv=False)[0])
+        xu, xv, yu, yv = (self.matrix[at] / w for at in (0, 1, 3, 4))
+        both, half = xu * xu + xv * xv + (yu * yu + yv * yv), ((xu - yu) * (xu + yu) + (xv - yv) * (xv + yv)) / 2
+        return math.sqrt(both / 2 + math.hypot(half, xu * yu + xv * yv))
 
     def at(self, u: Doubles, v: Doubles) -> tuple[Doubles, Doubles]:
         a, b, c, d, e, f, g, h, i = self.matrix
