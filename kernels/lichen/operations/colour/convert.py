@@ -53,6 +53,7 @@ from lichen.operations.colour.convert_walk import (
     STATED,
     Parameters,
     held,
+    inside,
     models_of,
     steps_of,
     walked,
@@ -105,7 +106,7 @@ def _result(p: Parameters, facts: InputFacts) -> Facts:
     if target.polar:
         low = min(low, 0.0)
     channels = image.channels - source.channels + target.channels
-    known = walk.inside and max(abs(low), abs(high)) < FLOAT_MAX and not image.extent.nonfinite
+    known = inside(p, image) and max(abs(low), abs(high)) < FLOAT_MAX and not image.extent.nonfinite
     extent = Extent(max(low, -FLOAT_MAX), min(high, FLOAT_MAX), 0 if known else image.pixels * channels)
     return Facts(image.height, image.width, channels, space, image.alpha, extent)
 
@@ -181,7 +182,7 @@ def _single_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
 
 
 def _single_unfit(p: Parameters, facts: InputFacts) -> str | None:
-    if _exactly(p, facts["image"]).inside:
+    if inside(p, facts["image"]):
         return None
     return "values this large leave the range of float32 on the way"
 

@@ -10,7 +10,7 @@ from pydantic import Field
 from lichen.image import Space
 from lichen.once import latest
 from lichen.operation import Facts, OperationParameters
-from lichen.operations.colour.fitted_steps import Fitted, fitted, rounded
+from lichen.operations.colour.fitted_steps import Fitted, fitted
 from lichen.operations.colour.primaries import Adaptation, White
 from lichen.operations.colour.spaces import Model, path
 from lichen.operations.colour.stages import FLOAT_MAX, UNKNOWN, Doubt, Interval, Mixed, Step, size
@@ -44,7 +44,14 @@ def models_of(p: Parameters, space: Space) -> tuple[Model, Model]:
 
 def steps_of(p: Parameters, space: Space, degree: int = 0) -> tuple[Step | Fitted, ...]:
     """The way; with a degree, its curves as polynomials where there are any."""
-    steps = path(*models_of(p, space), p.white, p.adaptation)
+    return _steps(*models_of(p, space), p.white, p.adaptation, degree)
+
+
+@lru_cache(maxsize=1024)
+def _steps(
+    source: Model, target: Model, white: White, adaptation: Adaptation, degree: int
+) -> tuple[Step | Fitted, ...]:
+    steps = path(source, target, white, adaptation)
     return fitted(steps, degree) if degree else steps
 
 
@@ -57,8 +64,6 @@ class Walk:
 
     intervals: list[Interval]
     doubts: list[Doubt]
-    inside: bool
-    """whether every step stays well inside float32"""
 
     @property
     def error(self) -> float:
@@ -85,19 +90,26 @@ def _doubts(step: Step, given: tuple[Doubt, ...], intervals: tuple[Interval, ...
 def walked(p: Parameters, facts: Facts, by: float = 0.0, degree: int = 0, bare: bool = False) -> Walk:
     """The outputs' intervals, and how far they are from those of inputs that differ by `by`, rounding included; `bare`:
     as if polynomials were the curves that they stand for."""
-    given, *reached = ranges_of(p, facts)
-    doubts, intervals = [Doubt(0.0, by)] * len(given), given
-    inside, known = size(given[0]) < FAR, True
-    for step, following in zip(steps_of(p, facts.space, degree), reached, strict=True):
+    ranges = ranges_of(p, facts)
+    doubts = [Doubt(0.0, by)] * len(ranges[0])
+    for step, intervals in zip(steps_of(p, facts.space, degree), ranges, strict=False):
         if isinstance(step, Fitted):
-            doubts = (rounded(step) if bare else step).doubts(doubts, intervals)
+            doubts = (step.rounded if bare else step).doubts(doubts, intervals)
         else:
             doubts = _doubts(step, tuple(doubts), tuple(intervals))
-        intervals = following
+    return Walk(ranges[-1], doubts)
+
+
+@latest
+def inside(p: Parameters, facts: Facts) -> bool:
+    """Whether every step stays well inside float32."""
+    given, *reached = ranges_of(p, facts)
+    sound, known = size(given[0]) < FAR, True
+    for step, intervals in zip(steps_of(p, facts.space), reached, strict=True):
         # Next to a pole no range is known: there a result is as large as the picture makes it.
         known &= not (isinstance(step, Mixed) and any(size(each) >= UNKNOWN for each in intervals))
-        inside &= size(given[0]) < NEAR if not known else all(size(each) < FAR for each in intervals)
-    return Walk(intervals, doubts, inside)
+        sound &= size(given[0]) < NEAR if not known else all(size(each) < FAR for each in intervals)
+    return sound
 
 
 def held(p: Parameters, facts: Facts) -> bool:

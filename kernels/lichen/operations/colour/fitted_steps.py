@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from lichen.memory import Array
+from lichen.once import once
 from lichen.operation import ROUNDING
 from lichen.operations.colour import stages
 from lichen.operations.colour.stages import Doubt, Interval, Scalar, Step, size
@@ -58,6 +59,11 @@ class Fitted:
         """As convert.cl reads them."""
         return (self.found.top, float(ceiling32(self.foot.knee)), self.foot.slope, *self.found.numbers)
 
+    @once
+    def rounded(self) -> Fitted:
+        """With no error but that of rounding."""
+        return replace(self, found=self.found.rounded)
+
     def run(self, planes: list[Array]) -> list[Array]:
         return [self._one(x) for x in planes]
 
@@ -84,15 +90,20 @@ class Fitted:
         return [known[each] for each in planes]
 
     def _doubt(self, doubt: Doubt, interval: Interval) -> Doubt:
-        by, own = doubt.absolute, self.found.error + self.found.rounding
-        dark = by < DARK and interval[0] >= 0
-        step = self.exact.at(by) - self.exact.at(0.0) if dark else 2 * self.exact.at(by / 2)
+        own, dark = self.found.error + self.found.rounding, doubt.absolute < DARK and interval[0] >= 0
+        step = _step(self.exact, doubt.absolute, dark)
         swing = doubt.relative * _swing(self.exact, size(interval)) if doubt.relative else 0.0
         return Doubt(0.0, own + swing + 1.01 * step + ROUNDING)
 
     def holds(self, given: Sequence[Interval]) -> bool:
         """Whether the polynomials reach far enough."""
         return all(size(each) <= self.found.top for each in given)
+
+
+@lru_cache(maxsize=256)
+def _step(curve: Scalar, by: float, dark: bool) -> float:
+    """How far a curve rises over so much at most: from 0 on, or either way of it."""
+    return curve.at(by) - curve.at(0.0) if dark else 2 * curve.at(by / 2)
 
 
 @lru_cache(maxsize=256)
@@ -107,11 +118,6 @@ def _swing(curve: Scalar, far: float) -> float:
 def _fitted(curve: Scalar, degree: int) -> Fitted:
     foot = FEET[curve]
     return Fitted(curve, foot, fit(curve.value, 1.0, min(degree, ENOUGH[foot.layout.roots]), foot.layout, foot.knee))
-
-
-def rounded(step: Step | Fitted) -> Step | Fitted:
-    """The step with no error but that of rounding."""
-    return replace(step, found=step.found.rounded) if isinstance(step, Fitted) else step
 
 
 def fitted(steps: Sequence[Step], degree: int) -> tuple[Step | Fitted, ...]:

@@ -45,7 +45,7 @@ def half_kernel(sigma: float) -> Vector:
 def _outside(sigma: float) -> memoryview:
     """The weight at distances >= r, for r = n - 1, n - 2 ... 0, from as far as it matters; it rises. Not of an array,
     since planning looks for a number in it by the dozen."""
-    return memoryview(2 * np.cumsum(half_kernel(sigma)[::-1]))
+    return (2 * np.cumsum(half_kernel(sigma)[::-1])).data
 
 
 @lru_cache(maxsize=1024)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -52,12 +53,14 @@ STEPS = 8
 
 
 def polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
-    y = np.full_like(x, coefficients[-1])
-    for each in coefficients[-2::-1]:
+    """Of two coefficients or more, lowest order first."""
+    y = coefficients[-1] * x + coefficients[-2]
+    for each in coefficients[-3::-1]:
         y = y * x + each
     return y
 
 
+@lru_cache
 def derivative(coefficients: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(order * each for order, each in enumerate(coefficients) if order)
 
@@ -73,6 +76,12 @@ def _gsdf_bend(t: Array) -> Array:
     above, below = LUMINANCE_OF_JND
     p, q = polynomial(above, j), polynomial(below, j)
     made: Array = (polynomial(derivative(above), j) * q - p * polynomial(derivative(below), j)) / (q * q)
+    return made
+
+
+def _gsdf_own(t: Array, _: float) -> Array:
+    exponent = _gsdf_exponent(t)
+    made: Array = ROUNDING * 10**exponent * (5 + LN10 * 3 * (np.abs(exponent) + np.abs(np.log(t) * _gsdf_bend(t))))
     return made
 
 
@@ -135,9 +144,7 @@ BODIES: dict[str, Body] = {
     "gsdf_light": Body(
         lambda t, e: 10 ** _gsdf_exponent(t),
         lambda t, e: 10 ** _gsdf_exponent(t) * LN10 * _gsdf_bend(t) / t,
-        lambda t, e: ROUNDING * 10 ** _gsdf_exponent(t) * (
-            5 + LN10 * (3 * np.abs(_gsdf_exponent(t)) + 3 * np.abs(np.log(t) * _gsdf_bend(t)))
-        ),
+        _gsdf_own,
         "gsdf_signal", 4.0,
     ),
     "rootlog": Body(

@@ -20,7 +20,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -201,6 +201,12 @@ class Piecewise:
     def cost(self) -> float:
         """In powers, for each sample."""
         return sum(piece.kind.cost for piece in self.pieces)
+
+
+@lru_cache(maxsize=256)
+def computed_error(curve: Piecewise, low: float, high: float) -> float:
+    """A curve's error where it is computed: the same for tables of all sizes."""
+    return curve.error(low, high)
 
 
 def inverted(pieces: Sequence[Piece], signals: Sequence[float] | None) -> tuple[Piece, ...]:

@@ -22,7 +22,7 @@ from lichen.operation import ROUNDING
 from lichen.operations.tone.bodies import JND_OF_LUMINANCE, LUMINANCE_OF_JND, ROOTLOG, polynomial, solved
 from lichen.operations.tone.curves import FLOAT_MAX, Form
 from lichen.operations.tone.evaluate import ceiling32, evaluate
-from lichen.operations.tone.piecewise import Piece, Piecewise
+from lichen.operations.tone.piecewise import Piece, Piecewise, computed_error
 from lichen.operations.tone.pointwise import blockwise, launch_flat
 from lichen.operations.tone.transfer_launch import launch
 
@@ -208,7 +208,7 @@ class Pieced:
         return self.curve.modulus(low, high, change)
 
     def error(self, low: float, high: float) -> float:
-        return self.curve.error(low, high)
+        return computed_error(self.curve, low, high)
 
     def opencl(self, device: Device, image: Image) -> Array:
         curve = self.curve

@@ -29,7 +29,7 @@ from lichen.image import Image
 from lichen.memory import Array, aligned
 from lichen.operation import ROUNDING
 from lichen.operations.tone.evaluate import ceiling32
-from lichen.operations.tone.piecewise import Piece, Piecewise
+from lichen.operations.tone.piecewise import Piece, Piecewise, computed_error
 from lichen.operations.tone.pointwise import blockwise, launch_flat
 from lichen.operations.tone.shapes import definitions, distance, finished, pieces32, written
 from lichen.operations.tone.tables import BINADES, MANTISSA, Table, points_of
@@ -78,19 +78,13 @@ class Tabled:
         rounding = self.table.rounding + 3 * ROUNDING * abs(centre[1]) + (at.jump if centre[0] else 0.0)
         bound = self.table.bound + rounding
         if far > self.top or (near < self.knee and not self.lower.pieces):
-            computed = _computed(at, low, high)
+            computed = computed_error(at, low, high)
             return max(bound, computed), max(rounding, computed), False
         if near < self.knee:
             foot = max(low, centre[0] - self.knee) if at.centre else low
-            lines = _computed(self.lower, foot, max(foot, min(high, centre[0] + self.knee)))
+            lines = computed_error(self.lower, foot, max(foot, min(high, centre[0] + self.knee)))
             return max(bound, lines), max(rounding, lines), True
         return bound, rounding, True
-
-
-@lru_cache(maxsize=64)
-def _computed(curve: Piecewise, low: float, high: float) -> float:
-    """Its error where it is computed: the same for tables of all sizes."""
-    return curve.error(low, high)
 
 
 def _begins(curve: Piecewise) -> int:
