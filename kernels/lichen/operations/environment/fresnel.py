@@ -33,6 +33,8 @@ from lichen.memory import Array
 
 EVENLY, TOWARDS = np.linspace(0, 1, 256), np.geomspace(1e-9, 1, 256)
 """Places at which the error of Schlick's approximation is looked for."""
+STEEP = float(EVENLY[51])
+"""One of them, where it is large as a rule."""
 
 
 def beyond(c: Array, ratio: Array) -> Array:
@@ -88,3 +90,14 @@ def schlick_error(ratio: float) -> float:
     sides = np.asarray(ratio), np.asarray(1 / ratio)
     found = [np.abs(reflectance(c, each) - schlick(c, each)).max() for each in sides]
     return min(1.05 * float(max(found)), 1.0)
+
+
+def schlick_least(ratio: float) -> float:
+    """What that error is at least: as it is at one place, from the thinner medium."""
+    if ratio == 1:
+        return 0.0
+    c, ratio = STEEP, max(ratio, 1 / ratio)
+    t = math.sqrt(1 - (1 - c * c) / (ratio * ratio))
+    perpendicular, parallel = (c - ratio * t) / (c + ratio * t), (ratio * c - t) / (ratio * c + t)
+    f = ((ratio - 1) / (ratio + 1)) ** 2
+    return abs((perpendicular**2 + parallel**2) / 2 - f - (1 - f) * (1 - c) ** 5)

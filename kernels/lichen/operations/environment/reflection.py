@@ -68,6 +68,7 @@ from lichen.operations.environment.reflection_errors import (
     range_of,
     rounded,
     schlick_error,
+    schlick_least,
     single_error,
 )
 from lichen.operations.environment.reflection_parameters import Background, Fresnel, Mode, Parameters, check
@@ -290,6 +291,7 @@ class Single:
 @reflection.method(
     "schlick",
     error=schlick_error,
+    least=schlick_least,
     work=_work,
     rates={"opencl": Rate(8e-4, 8e-9), "numpy": Rate(2e-3, 9e-7)},
     unfit=lambda p, facts: "there is no Fresnel to approximate" if p.fresnel is Fresnel.NONE else None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lichen.operation import ROUNDING, Error, Facts, InputFacts
 from lichen.operations.compositing.layers import FLOAT_MAX
-from lichen.operations.environment.fresnel import schlick_error as error_of_schlick
+from lichen.operations.environment import fresnel
 from lichen.operations.environment.reflection_parameters import Fresnel, Mode, Parameters
 from lichen.operations.warp.charts import LAYOUT, Chart
 
@@ -93,10 +93,17 @@ def no_single(p: Parameters, facts: InputFacts) -> str | None:
     return None
 
 
-def schlick_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    rounding = rounded(p, facts)
-    weighed = facts.get("environment", facts["normal"]).extent
-    low, high = min(weighed.low, 0.0), max(weighed.high, 0.0)
+def _weighed(p: Parameters, facts: InputFacts) -> float:
+    """How far apart what a reflectance weighs can be."""
+    seen = facts.get("environment", facts["normal"]).extent
     below = max(map(abs, under(facts))) if p.coated else 0.0
-    value = error_of_schlick(p.index) * (high - low + below)
+    return max(seen.high, 0.0) - min(seen.low, 0.0) + below
+
+
+def schlick_least(p: Parameters, knob: float, facts: InputFacts) -> float:
+    return min(fresnel.schlick_least(p.index) * _weighed(p, facts), FLOAT_MAX)
+
+
+def schlick_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
+    rounding, value = rounded(p, facts), fresnel.schlick_error(p.index) * _weighed(p, facts)
     return Error(min(value + rounding + faint(p, facts), FLOAT_MAX), "estimate", rounding)
