@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import dataclasses
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -143,22 +143,24 @@ class Parameters(OperationParameters):
 
     @property
     def path(self) -> Path:
-        scale, bias = (np.resize(np.array(each, np.float64), MOST) for each in (self.scale, self.bias))
+        scale, bias = (_for_each(each if isinstance(each, tuple) else (each,)) for each in (self.scale, self.bias))
         matrix = np.zeros((MOST, MOST + 1))
         if self.matrix is None:
             matrix[:, :MOST] = np.eye(MOST)
         else:
             for row, factors in enumerate(self.matrix):
                 matrix[row, : len(factors)] = factors
-        tables = [
-            None if each is None else np.resize(np.array(each), (MOST, len(each[0])))
-            for each in (self.before, self.after)
-        ]
-        return Path(scale, bias, tables[0], matrix, tables[1], self.projective, self.dimensions)
+        before, after = (None if each is None else _for_each(each) for each in (self.before, self.after))
+        return Path(scale, bias, before, matrix, after, self.projective, self.dimensions)
 
     @property
     def borders(self) -> tuple[Border, ...]:
         return self.border if isinstance(self.border, tuple) else (self.border,) * self.dimensions
+
+
+def _for_each(parts: tuple[Any, ...]) -> Array:
+    """For every channel or coordinate one of them, again and again."""
+    return np.array([parts[at % len(parts)] for at in range(MOST)], np.float64)
 
 
 def _check(p: Parameters, facts: InputFacts) -> list[Flaw]:

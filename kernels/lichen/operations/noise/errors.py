@@ -40,31 +40,33 @@ def steepest(p: Any, basis: Basis[Any], shown: Cut) -> float:
 
 def _steepest(p: Any, basis: Basis[Any], shown: Cut, fractal: Fractal) -> float:
     slope, total, weight = basis.slope(p), 0.0, 0.0
+    by = factor(p) if fractal is p.fractal else 1.0
     for octave in shown.computed:
         rise = octave.kept * slope * max(octave.frequency)
         if fractal is Fractal.RIDGED:
             signal = weight + 2 * rise
             total, weight = total + 2 * octave.amplitude * signal, 2 * signal
         else:
-            total += (factor(p) if fractal is p.fractal else 1.0) * octave.amplitude * rise
+            total += by * octave.amplitude * rise
     return total + 2 * weight if fractal is Fractal.RIDGED else total
 
 
 def _rounded(p: Any, basis: Basis[Any], computed: Cut, unit: float, moved: float, fractal: Fractal) -> Wrong:
     """Roundings of the sum; `moved` px is how wrong places are."""
     value = slope = weight = 0.0
-    wrong_slope = basis.slope_rounding(p) or 0.0
+    rounded, steep, by = basis.rounding(p) * unit, basis.slope(p), factor(p)
+    wrong_slope = by * ((basis.slope_rounding(p) or 0.0) + 4 * steep) * unit
     for octave in computed.computed:
         far = max(octave.frequency)
-        away = 2 * basis.slope(p) * (moved * far + 4 * unit * (1 + p.warp * far) * (p.warp > 0))
-        own = min(basis.rounding(p) * unit + away, 2.0)
+        away = 2 * steep * (moved * far + 4 * unit * (1 + p.warp * far) * (p.warp > 0))
+        own = min(rounded + away, 2.0)
         if fractal is Fractal.RIDGED:
             signal = min(2 * (octave.kept * own + 3 * unit) + weight + 2 * unit, 1.0)
             value += octave.amplitude * (2 * signal + 4 * unit)
             weight = min(2 * signal, 1.0)
         else:
-            value += (factor(p) * octave.kept * own + 4 * unit) * octave.amplitude
-        slope += factor(p) * octave.amplitude * octave.kept * far * (wrong_slope + 4 * basis.slope(p)) * unit
+            value += (by * octave.kept * own + 4 * unit) * octave.amplitude
+        slope += octave.amplitude * octave.kept * far * wrong_slope
     for octave in computed.left if fractal is Fractal.RIDGED else ():
         value += octave.amplitude * (2 * weight + 6 * unit)
         weight = min(2 * weight + 2 * unit, 1.0)
