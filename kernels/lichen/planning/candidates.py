@@ -95,10 +95,12 @@ class Way(NamedTuple):
     def in_turn(self, limit: float) -> Iterator[Candidate]:
         """The quickest first, of those that are not found to err by more."""
         method, settings = self.method, self.settings
+        if method.orderly and limit < math.inf and self._better(settings[-1]) < -limit:
+            return
         if method.orderly and method.knob is not None and method.knob.rising and self._alike:
             settings = settings[-1:]  # the most accurate of equally quick ones
         elif method.orderly and limit < math.inf:
-            settings = settings[bisect_left(settings, -limit, key=self._better) :]
+            settings = settings[bisect_left(settings, -limit, 0, len(settings) - 1, key=self._better) :]
         found = map(self.at, settings)
         yield from found if method.knob is None or method.knob.rising else sorted(found, key=_seconds)
 
