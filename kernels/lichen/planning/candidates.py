@@ -59,14 +59,6 @@ class Way(NamedTuple):
     rate: Rate
 
     @property
-    def shortest(self) -> float:
-        """Seconds that each of them takes at least."""
-        (about, method, settings, rate), work = self, 0.0
-        if (lightest := method.lightest) is not None and self.unfit is None:
-            work = lightest(about.parameters, settings[0] or 0.0, about.facts)
-        return rate.start + rate.step * work
-
-    @property
     def unfit(self) -> str | None:
         """Why none of them can be taken at all."""
         return self.about.unfit(self.method.name)
@@ -85,12 +77,12 @@ class Way(NamedTuple):
         return Way(about, method, near, rate) if near else None
 
     @property
-    def weighed(self) -> float:
-        """As `shortest`, by the work of the first where no other takes less."""
-        method = self.method
-        if method.lightest is not None or not (method.knob is None or method.knob.rising):
-            return self.shortest
-        return self.at(self.settings[0]).seconds
+    def shortest(self) -> float:
+        """Seconds that each of them takes at least: by the work of the first where no other takes less."""
+        about, method, settings, rate = self
+        if method.lightest is not None:
+            return rate.start + rate.step * method.lightest(about.parameters, settings[0] or 0.0, about.facts)
+        return self.at(settings[0]).seconds if method.knob is None or method.knob.rising else rate.start
 
     def in_turn(self, limit: float) -> Iterator[Candidate]:
         """The quickest first, of those that are not found to err by more."""
@@ -200,7 +192,7 @@ class Offers:
         heap: list[tuple[float, int, Candidate | None, Way | Iterator[Candidate]]] = []
         place = 0
         for way in self.ways:
-            heap.append((way.shortest, place, None, way))
+            heap.append((way.rate.start, place, None, way))
             place += len(way.settings)
         for offer in self.single:
             if offer.unfit is None:
@@ -212,7 +204,7 @@ class Offers:
             seconds, place, found, others = heappop(heap)
             if isinstance(others, Way):
                 near, others = others.within(limit), iter(())
-                if near is not None and (least := near.weighed) > seconds:
+                if near is not None and (least := near.shortest) > seconds:
                     heappush(heap, (least, place, None, near.in_turn(limit)))
                 elif near is not None:
                     others = near.in_turn(limit)

@@ -55,6 +55,8 @@ from lichen.operations.convolution.gaussian_weights import (
     fir_radius,
     fir_weights,
     half_kernel,
+    middle,
+    reach_of,
 )
 from lichen.operations.convolution.passes import (
     SOURCE,
@@ -84,7 +86,7 @@ def _departure(p: Parameters, facts: InputFacts) -> dict[str, float]:
     said where pixels are left out: where none remains there is no mean."""
     if missing.leaves_out(p.missing, facts):
         return {}
-    own = 0.0 if p.turned else math.prod(float(half_kernel(sigma)[0]) for sigma in p.deviations)
+    own = 0.0 if p.turned else math.prod(map(middle, p.deviations))
     return {"image": (1 - own) * base.spread(p, facts)[0]}
 
 
@@ -96,7 +98,7 @@ def _footprint(p: Parameters, facts: InputFacts) -> Footprint:
     elif missing.leaves_out(p.missing, facts):
         rows, columns = (masked_radius(sigma) for sigma in p.deviations)
     else:
-        rows, columns = (len(half_kernel(sigma)) - 1 for sigma in p.deviations)
+        rows, columns = map(reach_of, p.deviations)
     return Footprint(min(rows, image.height), min(columns, image.width), wraps=p.border is Border.WRAP)
 
 

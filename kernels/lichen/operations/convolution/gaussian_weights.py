@@ -23,22 +23,31 @@ BARELY = 1e-17
 """Weight below which a tap changes nothing even in float64."""
 WHOLLY = 1.5
 """px; of wider kernels the sum over all integers is the integral in every digit of float64, by Poisson's formula."""
+SMOOTH = 8.0
+"""px; in wider kernels weights change so little from one to the next that sums are nearly integrals."""
 MOST_TAIL = 0.5
 """The largest that may be asked for."""
 NORMAL = NormalDist()
 
 
+def reach_of(sigma: float) -> int:
+    """The first k whose weight no longer matters in float64."""
+    return math.ceil(sigma * math.sqrt(-2 * math.log(BARELY))) + 1
+
+
 @lru_cache(maxsize=64)
 def half_kernel(sigma: float) -> Vector:
     """Weights of k = 0, 1, 2 ... until they no longer matter in float64, of the kernel that sums to 1."""
-    reach = math.ceil(sigma * math.sqrt(-2 * math.log(BARELY))) + 1
+    reach = reach_of(sigma)
     with np.errstate(over="ignore"):  # beside a width of nearly nothing every distance is infinite
         weights = np.exp(-0.5 * np.square(np.arange(reach + 1) / sigma)) if sigma else np.array([1.0, 0.0])
-    if sigma > WHOLLY:
-        whole: Vector = weights / (sigma * math.sqrt(2 * math.pi))
-        return whole
-    total: Vector = weights / (weights[0] + 2 * math.fsum(weights[1:]))
-    return total
+    total = 1 / middle(sigma) if sigma > WHOLLY else weights[0] + 2 * math.fsum(weights[1:])
+    return np.asarray(weights / total)
+
+
+def middle(sigma: float) -> float:
+    """The weight of k = 0."""
+    return 1 / (sigma * math.sqrt(2 * math.pi)) if sigma > WHOLLY else float(half_kernel(sigma)[0])
 
 
 @lru_cache(maxsize=64)
@@ -50,7 +59,12 @@ def _outside(sigma: float) -> memoryview:
 
 @lru_cache(maxsize=1024)
 def fir_radius(sigma: float, tail: float) -> tuple[int, float]:
-    """The smallest radius that leaves at most `tail` of the weight outside, and the weight it leaves."""
+    """The smallest radius that leaves at most `tail` of the weight outside, and the weight it leaves; of wide kernels
+    by the integral from half a pixel further on, which is a little more where the Gaussian is convex, as it is beyond
+    sigma."""
+    if sigma > SMOOTH and tail < 0.25:
+        radius = math.ceil(-NORMAL.inv_cdf(tail / 2) * sigma - 0.5)
+        return radius, math.erfc((radius + 0.5) / (sigma * math.sqrt(2)))
     outside = _outside(sigma)
     last = len(outside) - 1
     radius = min(last - bisect_right(outside, tail, 0, last), last - 1)

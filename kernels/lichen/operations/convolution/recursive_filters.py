@@ -52,7 +52,6 @@ _EXPONENTIALS = {
     ),
 }
 """By the number of exponentials: pairs (a, d) of exp(-x^2 / 2) = Re sum of a exp(-d x), the conjugates merged."""
-_FITTED = {order: np.array(pairs).T for order, pairs in _EXPONENTIALS.items()}
 
 _PROTOTYPES = {
     3: (1.4165 + 1.00829j, 1.86543 + 0j),
@@ -72,15 +71,16 @@ class Filter:
     weights: Complex
 
     @classmethod
-    def of(cls, poles: Complex, weights: Complex) -> Filter:
-        held = poles.astype(np.complex64).astype(np.complex128)
-        total = float((weights * (1 + held) / (1 - held)).real.sum())
-        return cls(held, weights / total)
+    def of(cls, poles: Sequence[complex], weights: Sequence[complex]) -> Filter:
+        held = np.array(poles, np.complex64).astype(np.complex128)
+        sums = [(a * (1 + p) / (1 - p)).real for a, p in zip(weights, held.tolist(), strict=True)]
+        return cls(held, np.array(weights) / sum(sums))
 
     @cached_property
     def damping(self) -> float:
         """What the wave that lasts longest loses with every sample."""
-        return max(float(np.abs(self.poles).max()), 1e-300)
+        slowest: float = max(map(abs, self.poles.tolist()))
+        return max(slowest, 1e-300)
 
     @property
     def reach(self) -> int:
@@ -98,7 +98,7 @@ class Filter:
 
     def _response(self, count: int) -> npt.NDArray[np.float64]:
         """Of powers p^(s i + j), each the product of two of which there are few."""
-        logs = np.log(np.where(self.poles == 0, 1e-300, self.poles))
+        logs = np.array([cmath.log(pole or 1e-300) for pole in self.poles.tolist()])
         side = math.isqrt(count - 1) + 1
         near = np.exp(np.multiply.outer(logs, np.arange(side)))
         far = np.exp(np.multiply.outer(np.arange(-(-count // side)), logs * side)) * self.weights
@@ -133,8 +133,8 @@ def rounding(filtered: Filter, block: int) -> float:
 @lru_cache(maxsize=256)
 def deriche(sigma: float, order: int) -> Filter:
     """`order` 2, 4, 6 or 8."""
-    weights, exponents = _FITTED[order]
-    return Filter.of(np.exp(-exponents / sigma), weights)
+    pairs = _EXPONENTIALS[order]
+    return Filter.of([cmath.exp(-exponent / sigma) for _, exponent in pairs], [weight for weight, _ in pairs])
 
 
 @lru_cache(maxsize=256)
@@ -166,7 +166,7 @@ def vliet_young(sigma: float, order: int) -> Filter:
     for k, pole in enumerate(poles):
         others = np.delete(everyone, k)
         weights[k] = single[k] / (np.prod(1 - others / pole) * np.prod(1 - everyone * pole))
-    return Filter.of(poles, weights)
+    return Filter.of(poles.tolist(), weights.tolist())
 
 
 @lru_cache(maxsize=256)
