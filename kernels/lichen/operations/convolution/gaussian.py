@@ -191,6 +191,7 @@ def _fir_head(p: Parameters, tail: float, facts: InputFacts) -> Head | None:
     scratch=2.1,
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight cut off", 1e-9, MOST_TAIL, order=1, rising=False),
     error=base.fir_error,
+    least=base.fir_least,
     orderly=True,
     work=base.fir_work,
     lightest=base.fir_lightest,

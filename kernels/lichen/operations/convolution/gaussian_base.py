@@ -128,6 +128,12 @@ def fir_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
     return Error(cut * wide + rounding, "bound", rounding)
 
 
+def fir_least(p: Parameters, tail: float, facts: InputFacts) -> float:
+    """Where it takes long to take a kernel apart."""
+    turned = asked(p, facts).turned
+    return 0.0 if turned is None else gaussian_turned.least_error(turned, tail, spread(p, facts)[0])
+
+
 def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     """Multiply-adds, beside what it takes to move samples; where both passes are one nothing is moved between them.
 

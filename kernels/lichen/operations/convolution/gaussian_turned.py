@@ -127,6 +127,14 @@ def error(turned: Turned, tail: float, wide: float, magnitude: float) -> Error:
     return Error(cut(turned, tail)[1] * wide + dropped + rounding, "bound", rounding)
 
 
+def least_error(turned: Turned, tail: float, wide: float) -> float:
+    """At least, without the kernel: the weight outside it along either axis, by the integral from a pixel or two
+    further on."""
+    reach = NORMAL.inv_cdf(1 - tail / 4)
+    outside = [math.erfc((reach * each + 2) / (each * math.sqrt(2))) for each in turned.deviations]
+    return max(outside) * wide
+
+
 def work(turned: Turned, tail: float, image: Facts) -> float:
     """Multiply-adds, beside what it takes to move samples through two passes."""
     return image.samples * len(taken_apart(turned, tail)[0]) * (sum(cut(turned, tail)[0].shape) + MOVED)
