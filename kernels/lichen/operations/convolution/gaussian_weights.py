@@ -21,6 +21,8 @@ Vector = npt.NDArray[np.float64]
 Modes = npt.NDArray[np.int_]
 BARELY = 1e-17
 """Weight below which a tap changes nothing even in float64."""
+NOTHING = 1e-150
+"""px; of a narrower kernel all weight is in the middle, as it is of this one."""
 WHOLLY = 1.5
 """px; of wider kernels the sum over all integers is the integral in every digit of float64, by Poisson's formula."""
 SMOOTH = 8.0
@@ -38,9 +40,7 @@ def reach_of(sigma: float) -> int:
 @lru_cache(maxsize=64)
 def half_kernel(sigma: float) -> Vector:
     """Weights of k = 0, 1, 2 ... until they no longer matter in float64, of the kernel that sums to 1."""
-    reach = reach_of(sigma)
-    with np.errstate(over="ignore"):  # beside a width of nearly nothing every distance is infinite
-        weights = np.exp(-0.5 * np.square(np.arange(reach + 1) / sigma)) if sigma else np.array([1.0, 0.0])
+    weights = np.exp(-0.5 * np.square(np.arange(reach_of(sigma) + 1) / max(sigma, NOTHING)))
     total = 1 / middle(sigma) if sigma > WHOLLY else weights[0] + 2 * math.fsum(weights[1:])
     return np.asarray(weights / total)
 

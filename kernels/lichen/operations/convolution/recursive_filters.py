@@ -100,16 +100,15 @@ class Filter:
         """Of powers p^(s i + j), each the product of two of which there are few."""
         logs = np.array([cmath.log(pole or 1e-300) for pole in self.poles.tolist()])
         side = math.isqrt(count - 1) + 1
-        near = np.exp(np.multiply.outer(logs, np.arange(side)))
-        far = np.exp(np.multiply.outer(np.arange(-(-count // side)), logs * side)) * self.weights
-        made: npt.NDArray[np.float64] = (far @ near).real.ravel()[:count]
+        steps = np.concatenate([np.arange(side), side * np.arange(-(-count // side))])
+        powers = np.exp(np.multiply.outer(logs, steps))
+        made: npt.NDArray[np.float64] = (self.weights * powers[:, side:].T @ powers[:, :side]).real.ravel()[:count]
         return made
 
     @cached_property
     def gain(self) -> float:
         """The l1 norm."""
-        half = np.abs(self.response(self.reach))
-        return float(half[0] + 2 * half[1:].sum())
+        return _both_sides(np.abs(self._whole))
 
 
 @lru_cache(maxsize=256)
@@ -222,4 +221,9 @@ def distance(filtered: Filter, sigma: float) -> float:
     count = max(len(half), math.ceil(math.log(BARELY) / math.log(filtered.damping)))
     apart = filtered.response(count)
     apart[: len(half)] -= half
-    return float(np.abs(apart[0]) / 2 + np.abs(apart[1:]).sum())
+    return _both_sides(np.abs(apart)) / 2
+
+
+def _both_sides(half: npt.NDArray[np.float64]) -> float:
+    """The sum of a sequence and of its mirror image, which have their first number in common."""
+    return 2 * float(half.sum()) - float(half[0])
