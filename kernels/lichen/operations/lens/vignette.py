@@ -59,6 +59,8 @@ SHARES = np.arange(1, 16) / 16
 """Where between two entries of a table its error is looked for."""
 LENGTHS = (8, 32, 128, 1024)
 """Of tables."""
+FIRST = np.multiply.outer([0.0, 0.5, 1.0], 1 / (np.array(LENGTHS) - 1))
+"""Of tables of all lengths the first two entries and half way between, over the largest radius."""
 WORST = 16
 """Pairs of entries that are looked at so, of many."""
 
@@ -173,8 +175,7 @@ def _tabled_least(p: Parameters, knob: float, facts: InputFacts) -> float:
 def _leasts(p: Parameters, facts: InputFacts) -> dict[float, float]:
     """For tables of all lengths: half way between the first two entries."""
     lens, magnitude = _lens(p, facts), facts["image"].extent.magnitude
-    steps = lens.farthest / (np.array(LENGTHS) - 1)
-    first, halfway, second = lens.gain(np.multiply.outer([0.0, 0.5, 1.0], steps))
+    first, halfway, second = lens.gain(lens.farthest * FIRST)
     return dict(zip(LENGTHS, (magnitude * np.abs((first + second) / 2 - halfway)).tolist(), strict=True))
 
 
