@@ -257,6 +257,9 @@ def test_declaration_is_complete(operation: Operation[Any]) -> None:
     for name, told in operation.parameters.model_json_schema()["properties"].items():
         assert told.get("description"), f"{name} has no description"
     json.dumps(operation.schema(), allow_nan=False)
+    if operation.customary:
+        method, setting = operation.customary
+        assert setting in operation.methods[method].settings, "no such candidate is ever taken"
     for example in operation.examples:
         hash(operation.validate(example))  # plans remember what they predicted by it
 

@@ -81,5 +81,8 @@ def test_the_choice_is_the_first_of_all_candidates_in_their_order(name: str) -> 
             assert min(stated, default=np.inf) > request.max_error
         else:
             assert request.max_error is None
+            customary = node.operation.customary
+            able = [(offer.method, offer.knob) for offer in node.alternatives if offer.unfit is None]
+            assert customary not in able or (choice.method, choice.knob) == customary
         compared += 1
     assert compared

@@ -15,6 +15,7 @@ from lichen.opencl.device import default_device
 from lichen.operation import Border, Facts
 from lichen.operations.convolution import multirate
 from lichen.operations.convolution.gaussian import Parameters, gaussian
+from lichen.operations.convolution.gaussian_turned import Turned, cut, least_error
 from lichen.operations.convolution.gaussian_weights import (
     dct_bases,
     dct_modes,
@@ -22,6 +23,7 @@ from lichen.operations.convolution.gaussian_weights import (
     fir_radius,
     fir_weights,
     half_kernel,
+    middle,
     modes_about,
 )
 from lichen.operations.convolution.passes import folded
@@ -54,12 +56,30 @@ def test_kernel_sums_to_one_and_loses_what_it_says(sigma: float) -> None:
         radius, outside = fir_radius(sigma, tail)
         weights = fir_weights(sigma, tail)
         assert len(weights) == 2 * radius + 1
-        assert outside <= tail
+        assert 2 * half[radius + 1 :].sum() * (1 - 1e-9) <= outside <= tail
         assert radius == 0 or 2 * half[radius:].sum() > tail  # one tap less would lose too much
         whole = np.concatenate([half[:0:-1], half])
         cut = np.zeros_like(whole)
         cut[len(half) - 1 - radius : len(half) + radius] = weights
         assert np.abs(whole - cut).sum() <= 2 * tail * (1 + 1e-9)
+
+
+@given(st.floats(1.4, 400), st.floats(1e-9, 0.4))
+def test_of_wide_kernels_what_is_cut_off_is_known_without_their_weights(sigma: float, tail: float) -> None:
+    """No less than what is cut off, and hardly more; by a tap more than are needed at most."""
+    half, (radius, outside) = half_kernel(sigma), fir_radius(sigma, tail)
+    assert half[0] == pytest.approx(middle(sigma), rel=1e-14)
+    left = 2 * np.cumsum(half[::-1])[::-1]  # at distances >= 0, 1, 2 ...
+    steep = 1 if sigma < 8 else 1.04
+    assert left[radius + 1] * (1 - 1e-9) <= outside <= min(steep * left[radius + 1] * (1 + 1e-9), tail)
+    assert radius == 0 or left[radius - 1] > tail
+
+
+@given(st.floats(0.5, 30), st.floats(0.5, 30), st.floats(0, 180), st.floats(1e-8, 0.4))
+@settings(max_examples=40)
+def test_what_a_turned_kernels_cut_leaves_out_at_least(along: float, across: float, angle: float, tail: float) -> None:
+    turned = Turned(along, across, angle)
+    assert least_error(turned, tail, 1.0) <= cut(turned, tail)[1] + 1e-15
 
 
 @pytest.mark.parametrize("size", [16, 300, 4000])

@@ -10,7 +10,7 @@ import pytest
 
 import lichen
 from lichen.errors import InvalidRequest
-from lichen.operations.environment.fresnel import algebraic, reflectance, schlick, schlick_error
+from lichen.operations.environment.fresnel import algebraic, reflectance, schlick, schlick_error, schlick_least
 
 BACKENDS = ("opencl", "numpy")
 BOTH = pytest.mark.parametrize("backend", BACKENDS)
@@ -159,6 +159,12 @@ def test_fresnel_of_a_picture_is_the_law(backend: str) -> None:
             "reflection", normal, environment=white, fresnel="dielectric", index=index, device=backend, method="exact"
         )
         assert np.abs(found.image.pixels[0, :, 0] - reflectance(cosine, np.array(index))).max() < 6e-7
+
+
+@pytest.mark.parametrize("ratio", [0.2, 0.7, 1.0, 1.0003, 1.33, 1.5, 2.4, 9.0])
+def test_schlick_errs_by_no_less_than_is_known_at_once(ratio: float) -> None:
+    assert (schlick_least(ratio) > 0) == (ratio != 1)
+    assert schlick_least(ratio) <= schlick_error(ratio)
 
 
 def test_error_of_schlick_is_as_stated() -> None:

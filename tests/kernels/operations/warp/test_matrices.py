@@ -13,6 +13,7 @@ import lichen
 from lichen.errors import InvalidRequest
 from lichen.operation import Border
 from lichen.operations.warp.correspondences import fit
+from lichen.operations.warp.maps import Projective
 from lichen.operations.warp.reference import Source
 from lichen.operations.warp.rotate import direction
 from lichen.operations.warp.shears import turned_by_shears
@@ -24,6 +25,16 @@ HALF = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
 def in_opencv(matrix: np.ndarray) -> np.ndarray:
     """The same map with pixel centres at whole numbers."""
     return np.linalg.inv(HALF) @ matrix @ HALF
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_how_much_a_matrix_shrinks_at_most_is_its_larger_singular_value(seed: int) -> None:
+    matrix = np.random.default_rng(seed).normal(size=(3, 3)) * 10.0 ** (seed - 4)
+    matrix[2] = 0, 0, 1.7
+    largest = np.linalg.svd(matrix[:2, :2] / 1.7, compute_uv=False)[0]
+    assert Projective.of(matrix).largest() == pytest.approx(largest, rel=1e-14)
+    matrix[2, 0] = 1e-3
+    assert Projective.of(matrix).largest() is None
 
 
 @pytest.mark.parametrize("inverse", [False, True])
