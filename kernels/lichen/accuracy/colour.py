@@ -96,6 +96,11 @@ def lab_of_xyz(ratio: Array) -> Array:
 # -------------------------------------------------------------------------------------------------------- CIEDE2000
 
 
+HALF_TURN = math.pi + 1e-12
+"""Hues no farther apart count as opposite at most: which of two that are is the farther must not be left to the last
+digit of an arc tangent, which differs from one library to another."""
+
+
 def delta_e(first: Array, second: Array) -> Array:
     """CIEDE2000 between L*a*b* colours (..., 3), symmetric; weights kL = kC = kH = 1.
 
@@ -110,11 +115,11 @@ def delta_e(first: Array, second: Array) -> Array:
     h1, h2 = (np.arctan2(b, a) % (2 * np.pi) for a, b in ((a1, b1), (a2, b2)))
     grey = c1 * c2 == 0
     turn = h2 - h1
-    turn = np.where(turn > np.pi, turn - 2 * np.pi, np.where(turn < -np.pi, turn + 2 * np.pi, turn))
+    turn = np.where(turn > HALF_TURN, turn - 2 * np.pi, np.where(turn < -HALF_TURN, turn + 2 * np.pi, turn))
     turn = np.where(grey, 0.0, turn)
     hue = 2 * np.sqrt(c1 * c2) * np.sin(turn / 2)
     middle = (h1 + h2) / 2
-    middle = np.where(np.abs(h1 - h2) > np.pi, np.where(h1 + h2 < 2 * np.pi, middle + np.pi, middle - np.pi), middle)
+    middle = np.where(np.abs(h1 - h2) > HALF_TURN, np.where(h1 + h2 < 2 * np.pi, middle + np.pi, middle - np.pi), middle)
     middle = np.where(grey, h1 + h2, middle)
     lightness, chroma = (l1 + l2) / 2, (c1 + c2) / 2
     t = (

@@ -9,7 +9,7 @@
 // CIEDE2000 without angles: of two hues as unit vectors half the distance is the sine of half the angle between them, the
 // sign of their cross product says which way it turns, and the mean hue is the direction halfway along the shorter arc,
 // of whose multiples the cosines are polynomials. Only the blue region's turn asks for the mean hue as an angle. Where
-// hues are opposite to the last digits the way round is decided by rounding, so those pixels, which are few, are done
+// hues are opposite to the last digits rounding must not decide the way round, so those pixels, which are few, are done
 // as the formula is printed.
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -20,7 +20,9 @@
 #define DEGREE (M_PI / 180.0)
 #define BEND (6.0 / 29.0)
 #define DIFFERENCE_FN static inline __attribute__((always_inline))
-#define NEARLY 1e-13
+#define NEARLY 4e-12
+// As colour.py has it: hues no farther apart count as opposite at most.
+#define HALF_TURN (M_PI + 1e-12)
 
 typedef struct {
     double8 l, a, b;
@@ -153,8 +155,8 @@ static inline double turned(double b, double a)
 static double as_printed(double a1, double b1, double a2, double b2, double c1, double c2, double dl, double dc)
 {
     double h1 = turned(b1, a1), h2 = turned(b2, a2), turn = h2 - h1, middle = (h1 + h2) / 2.0, chroma = (c1 + c2) / 2.0;
-    turn = turn > M_PI ? turn - 2.0 * M_PI : (turn < -M_PI ? turn + 2.0 * M_PI : turn);
-    if (fabs(h1 - h2) > M_PI)
+    turn = turn > HALF_TURN ? turn - 2.0 * M_PI : (turn < -HALF_TURN ? turn + 2.0 * M_PI : turn);
+    if (fabs(h1 - h2) > HALF_TURN)
         middle += h1 + h2 < 2.0 * M_PI ? M_PI : -M_PI;
     double t = 1.0 - 0.17 * cos(middle - 30.0 * DEGREE) + 0.24 * cos(2.0 * middle)
              + 0.32 * cos(3.0 * middle + 6.0 * DEGREE) - 0.20 * cos(4.0 * middle - 63.0 * DEGREE);
