@@ -119,7 +119,8 @@ def delta_e(first: Array, second: Array) -> Array:
     turn = np.where(grey, 0.0, turn)
     hue = 2 * np.sqrt(c1 * c2) * np.sin(turn / 2)
     middle = (h1 + h2) / 2
-    middle = np.where(np.abs(h1 - h2) > HALF_TURN, np.where(h1 + h2 < 2 * np.pi, middle + np.pi, middle - np.pi), middle)
+    other = np.where(h1 + h2 < 2 * np.pi, middle + np.pi, middle - np.pi)
+    middle = np.where(np.abs(h1 - h2) > HALF_TURN, other, middle)
     middle = np.where(grey, h1 + h2, middle)
     lightness, chroma = (l1 + l2) / 2, (c1 + c2) / 2
     t = (
