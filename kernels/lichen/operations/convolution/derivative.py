@@ -34,7 +34,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from enum import StrEnum
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -127,14 +127,24 @@ def slopes(p: Parameters) -> tuple[Stencil, ...]:
 
 def fitted_slopes(p: Parameters) -> tuple[Array, ...]:
     """The fits that the output needs, scaled, each (512, 9)."""
-    x, y = fits(p.mask)
-    if p.output in (Output.X, Output.Y):
-        return (p.scale * (x if p.output is Output.X else y),)
-    if p.output is Output.ALONG:
-        angle = math.radians(p.angle)
-        return (p.scale * (math.cos(angle) * x + math.sin(angle) * y),)
     scale = 1.0 if p.output is Output.DIRECTION else p.scale
-    return scale * x, scale * y
+    return tuple(scale * each for each in _fits(p.mask, p.output, p.angle))
+
+
+def _fits(mask: Mask, output: Output, degrees: float) -> tuple[Array, ...]:
+    x, y = fits(mask)
+    if output in (Output.X, Output.Y):
+        return (x if output is Output.X else y,)
+    if output is Output.ALONG:
+        angle = math.radians(degrees)
+        return (math.cos(angle) * x + math.sin(angle) * y,)
+    return x, y
+
+
+@lru_cache(maxsize=256)
+def _fitted_gains(mask: Mask, output: Output, degrees: float) -> list[float]:
+    """The largest l1 norm of the taps of each."""
+    return [float(np.nanmax(np.abs(taps).sum(axis=1))) for taps in _fits(mask, output, degrees)]
 
 
 Given = TypeVar("Given")
@@ -148,7 +158,8 @@ def _named(inputs: Mapping[str, Given]) -> dict[str, Given]:
 def _gains(p: Parameters, facts: InputFacts) -> list[float]:
     """The largest l1 norm of the taps of each slope."""
     if chooses(p.missing, _named(facts)):
-        return [float(np.nanmax(np.abs(taps).sum(axis=1))) for taps in fitted_slopes(p)]
+        scale = 1.0 if p.output is Output.DIRECTION else abs(p.scale)
+        return [scale * gain for gain in _fitted_gains(p.mask, p.output, p.angle)]
     return [mask.weight for mask in slopes(p)]
 
 
