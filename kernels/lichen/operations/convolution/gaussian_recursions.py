@@ -44,8 +44,10 @@ def recursive_error(filters: Filters) -> Callable[[Parameters, float, InputFacts
     def error(p: Parameters, order: float, facts: InputFacts) -> Error:
         wide, magnitude = spread(p, facts)
         (down, across), (below, beside) = filters(p, order), within(p, 1e-2, RECURSIVE)
-        apart = distance(down, below) * across.gain + distance(across, beside)
-        rounded = rounding(down, BLOCK) * across.gain + rounding(across, BLOCK) * down.gain
+        first, second = distance(down, below), distance(across, beside)
+        gain, following = 1 + 2 * first, 1 + 2 * second  # no l1 norm is larger: that of the Gaussian is 1
+        apart = first * following + second
+        rounded = rounding(down, BLOCK, gain) * following + rounding(across, BLOCK, following) * gain
         least = 1.01 * rounded * magnitude
         return Error(1.001 * apart * wide + least, "bound", least)
 

@@ -87,33 +87,18 @@ class Filter:
         """Samples after which a state has forgotten all but 1e-12 of itself."""
         return _forgotten(math.log(self.damping))
 
-    @cached_property
-    def _whole(self) -> npt.NDArray[np.float64]:
-        """As much of the response as matters in float64."""
-        return self._response(max(math.ceil(math.log(BARELY) / math.log(self.damping)), self.reach))
-
     def response(self, count: int) -> npt.NDArray[np.float64]:
-        """h[0], h[1] ... h[count - 1]."""
-        return self._whole[:count].copy() if count <= len(self._whole) else self._response(count)
-
-    def _response(self, count: int) -> npt.NDArray[np.float64]:
-        """Of powers p^(s i + j), each the product of two of which there are few."""
-        logs = np.array([cmath.log(pole or 1e-300) for pole in self.poles.tolist()])
-        side = math.isqrt(count - 1) + 1
-        steps = np.concatenate([np.arange(side), side * np.arange(-(-count // side))])
-        powers = np.exp(np.multiply.outer(logs, steps))
-        made: npt.NDArray[np.float64] = (self.weights * powers[:, side:].T @ powers[:, :side]).real.ravel()[:count]
+        """h[0], h[1] ... h[count - 1]: of powers p^(s i + j), each the product of two of which there are few."""
+        logs, side = [cmath.log(pole or 1e-300) for pole in self.poles.tolist()], math.isqrt(count - 1) + 1
+        powers = np.exp(np.multiply.outer([*logs, *[side * each for each in logs]], np.arange(side)))
+        near, far = powers[: len(logs)], powers[len(logs) :]
+        made: npt.NDArray[np.float64] = (self.weights * far.T @ near).real.ravel()[:count]
         return made
-
-    @cached_property
-    def gain(self) -> float:
-        """The l1 norm."""
-        return _both_sides(np.abs(self._whole))
 
 
 @lru_cache(maxsize=256)
-def rounding(filtered: Filter, block: int) -> float:
-    """Of one pass over values of magnitude 1 in float32, at most.
+def rounding(filtered: Filter, block: int, gain: float) -> float:
+    """Of one pass over values of magnitude 1 in float32, at most; `gain` is no less than the response's l1 norm.
 
     A state is at most C = 1 / (1 - |p|). A step rounds two products and two sums of its parts, and each of these
     errors dies away as the state itself does; so do those of the state that a line begins with, which is summed
@@ -126,7 +111,7 @@ def rounding(filtered: Filter, block: int) -> float:
         turned = (1 + abs(pole.imag)) * damped
         state = (math.hypot(turned + 1, turned) + 2 * damped + 2) * damped
         total += abs(weight) * (2 * state + (8 * len(poles) + 4) * damped)
-    return 1.01 * ROUNDING * (total + block * filtered.gain)
+    return 1.01 * ROUNDING * (total + block * gain)
 
 
 @lru_cache(maxsize=256)
@@ -221,9 +206,5 @@ def distance(filtered: Filter, sigma: float) -> float:
     count = max(len(half), math.ceil(math.log(BARELY) / math.log(filtered.damping)))
     apart = filtered.response(count)
     apart[: len(half)] -= half
-    return _both_sides(np.abs(apart)) / 2
-
-
-def _both_sides(half: npt.NDArray[np.float64]) -> float:
-    """The sum of a sequence and of its mirror image, which have their first number in common."""
-    return 2 * float(half.sum()) - float(half[0])
+    size = np.abs(apart)
+    return float(size.sum()) - float(size[0]) / 2
