@@ -72,20 +72,33 @@ def points_of(top: float, binades: int, bits: int) -> Array:
 
 
 @lru_cache(maxsize=16)
-def _probes(size: int, similar: bool) -> tuple[list[tuple[int, int]], Array, Array, Array]:
-    """Binades and bits of tables of at most `size` cells; of each, in parts of the top, both ends of its first cell and
-    of the cells at the ends of its binades; and where in these it begins. Of as many binades finer ones are never
-    worse. Where all binades are `similar`, the last is the highest.
-    """
-    layouts = list({min(size >> bits, BINADES): bits for bits in range(size.bit_length())}.items())
+def _layouts(size: int) -> list[tuple[int, int]]:
+    """Binades and bits of tables of at most `size` cells. Of as many binades finer ones are never worse."""
+    return list({min(size >> bits, BINADES): bits for bits in range(size.bit_length())}.items())
+
+
+@lru_cache(maxsize=256)
+def _of_power(form: Form) -> tuple[list[float], list[float]]:
+    """By binades how high the first cell is, and by bits the highest of the others, which the last binade has."""
+    start, step = 2.0 ** -np.arange(BINADES + 1), 0.5 / 2.0 ** np.arange(MANTISSA)
+    left = np.concatenate([np.zeros(len(start)), np.full(len(step), 0.5), 1 - step])
+    heights = _heights(form, form.top * left, form.top * np.concatenate([start, 0.5 + step, np.ones(len(step))]))
+    first, at_ends = heights[: len(start)], heights[len(start) :].reshape(2, -1)
+    return first.tolist(), at_ends.max(axis=0).tolist()
+
+
+@lru_cache(maxsize=16)
+def _probes(size: int) -> tuple[Array, Array, Array]:
+    """Of tables of all layouts, in parts of the top, both ends of their first cells and of the cells at the ends of
+    their binades; and where in these each begins."""
     left, right = [], []
-    for binades, bits in layouts:
-        low = 2.0 ** np.arange(-1 if similar else -binades, 0)
+    for binades, bits in _layouts(size):
+        low = 2.0 ** np.arange(-binades, 0)
         step = low / (1 << bits)
         left.append(np.concatenate([np.zeros(1), low, 2 * low - step]))
         right.append(np.concatenate([[2.0**-binades], low + step, 2 * low]))
     begins = np.cumsum([0, *map(len, left[:-1])])
-    return layouts, np.concatenate(left), np.concatenate(right), begins
+    return np.concatenate(left), np.concatenate(right), begins
 
 
 @lru_cache(maxsize=256)
@@ -98,12 +111,13 @@ def best(form: Form, size: int) -> tuple[int, int, float]:
         binades, bound = math.ceil(math.log2(form.top / form.knee)), 0.0
         bits = (size // binades).bit_length() - 1
     else:
-        pure = form.body == "power" and not form.lift
-        layouts, left, right, begins = _probes(size, pure)
-        probed = np.maximum.reduceat(_heights(form, form.top * left, form.top * right), begins)
-        bound, (binades, bits) = min(zip(probed.tolist(), layouts, strict=True))
-        if pure:
+        if form.body == "power" and not form.lift:
+            first, others = _of_power(form)
+            bound, binades, bits = min([(max(first[far], others[fine]), far, fine) for far, fine in _layouts(size)])
             return binades, bits, bound
+        left, right, begins = _probes(size)
+        probed = np.maximum.reduceat(_heights(form, form.top * left, form.top * right), begins)
+        bound, (binades, bits) = min(zip(probed.tolist(), _layouts(size), strict=True))
     points = points_of(form.top, binades, bits)
     return binades, bits, max(bound, float(_heights(form, points[:-1], points[1:]).max()))
 
