@@ -1,9 +1,10 @@
 """What may run for a node: methods at settings of their knobs, of which the passes choose one.
 
-Most are never looked at. The quickest are asked for their errors first, and of a method that is slower at every further
-setting of its knob nothing is asked before the setting may be the quickest that is left: first not its work, which may
-take long to find, and then not its error. Where errors are known at once and fall from setting to setting, the first
-that is small enough is looked for by halves, and nothing is asked of those before it.
+Most are never looked at. The quickest are asked for their errors first, and of a method nothing is asked before it may
+be the quickest that is left: first not its work, which may take long to find, and then not its error. Settings that are
+known at once to err too much are left out before either. Where errors are known at once and fall from setting to
+setting, the last is asked whether any will do, the first that does is looked for by halves, and nothing is asked of
+those before it.
 """
 
 from __future__ import annotations
