@@ -80,11 +80,14 @@ def _layouts(size: int) -> list[tuple[int, int]]:
 @lru_cache(maxsize=256)
 def _of_power(form: Form) -> tuple[list[float], list[float]]:
     """By binades how high the first cell is, and by bits the highest of the others, which the last binade has."""
-    start, step = 2.0 ** -np.arange(BINADES + 1), 0.5 / 2.0 ** np.arange(MANTISSA)
-    left = np.concatenate([np.zeros(len(start)), np.full(len(step), 0.5), 1 - step])
-    heights = _heights(form, form.top * left, form.top * np.concatenate([start, 0.5 + step, np.ones(len(step))]))
-    first, at_ends = heights[: len(start)], heights[len(start) :].reshape(2, -1)
-    return first.tolist(), at_ends.max(axis=0).tolist()
+    heights = _heights(form, form.top * LEFT, form.top * RIGHT)
+    return heights[: BINADES + 1].tolist(), heights[BINADES + 1 :].reshape(2, -1).max(axis=0).tolist()
+
+
+_START, _STEP = 2.0 ** -np.arange(BINADES + 1), 0.5 / 2.0 ** np.arange(MANTISSA)
+LEFT = np.concatenate([np.zeros(len(_START)), np.full(len(_STEP), 0.5), 1 - _STEP])
+RIGHT = np.concatenate([_START, 0.5 + _STEP, np.ones(len(_STEP))])
+"""Of all first cells and of the cells at both ends of the last binade, over the top."""
 
 
 @lru_cache(maxsize=16)

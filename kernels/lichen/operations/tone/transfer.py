@@ -39,6 +39,7 @@ import numpy as np
 from lichen.errors import Flaw
 from lichen.image import Alpha, Extent, Space
 from lichen.memory import Array
+from lichen.once import latest
 from lichen.operation import (
     POINTWISE,
     ROUNDING,
@@ -53,7 +54,7 @@ from lichen.operation import (
     Rate,
 )
 from lichen.operations.tone import standards, tables
-from lichen.operations.tone.curves import FLOAT_MAX, WHOLE, Curve, Direction
+from lichen.operations.tone.curves import FLOAT_MAX, WHOLE, Curve, Direction, Form
 from lichen.operations.tone.evaluate import evaluate
 from lichen.operations.tone.piecewise import held
 from lichen.operations.tone.shapes import Pieced, Powers, Whole
@@ -271,22 +272,28 @@ def _table_unfit(p: Parameters, facts: InputFacts) -> str | None:
     return "each channel has its own exponent" if isinstance(curve, Powers) else None
 
 
+@latest
+def _whole(p: Parameters, facts: InputFacts) -> tuple[Form, float, bool]:
+    """Of a curve that is one: its form, what its tables round, and whether they reach as far as the picture."""
+    whole, extent = Whole(form(p), p.clamped), facts["image"].extent
+    rounding = tables.rounding(whole.form) + 2 * ROUNDING * abs(whole.form.offset)
+    far = max(abs(x + whole.form.shift) for x in whole.seen(extent.low, extent.high))
+    return whole.form, rounding, far <= whole.form.top
+
+
 def _table_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
     """The table's proved bound, unless the picture reaches beyond the table."""
-    extent, curve, beyond = facts["image"].extent, shape(p), _exact_error(p, facts["image"])
+    image = facts["image"]
     if _table_unfit(p, facts):
-        return beyond
-    if isinstance(curve, Pieced):
-        value, rounding, proved = _tabled(p, round(knob)).error(extent.low, extent.high)
-        proved = proved and not extent.nonfinite
+        return _exact_error(p, image)
+    if isinstance(shape(p), Pieced):
+        value, rounding, reached = _tabled(p, round(knob)).error(image.extent.low, image.extent.high)
     else:
-        whole = Whole(form(p), p.clamped)
-        rounding = tables.rounding(whole.form) + 2 * ROUNDING * abs(whole.form.offset)
-        value = tables.best(whole.form, round(knob))[2] + rounding
-        far = max(abs(x + whole.form.shift) for x in whole.seen(extent.low, extent.high))
-        proved = far <= whole.form.top and not extent.nonfinite
-    if proved:
+        curve, rounding, reached = _whole(p, facts)
+        value = tables.best(curve, round(knob))[2] + rounding
+    if reached and not image.extent.nonfinite:
         return Error(value, "bound", rounding)
+    beyond = _exact_error(p, image)
     return Error(max(value, beyond.value), "estimate", max(rounding, beyond.rounding))
 
 
