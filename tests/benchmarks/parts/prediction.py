@@ -289,8 +289,8 @@ def choosing() -> Section:
     text = (
         f"Microseconds that the choice of a method takes, for {len(every)} examples: {np.median(before):.0f} in the "
         f"median where the same was asked before; {np.median(every):.0f} for parameters and a picture that were never "
-        f"seen, of which all but {np.sum(every >= 200)} take less than 200. Kernels of turned Gaussians are taken "
-        "apart meanwhile, as they must be to be run. The slowest examples of those operations that take longest:"
+        f"seen, of which all but {np.sum(every >= 200)} take less than 200. The slowest examples of those operations "
+        "that take longest:"
     )
     slowest = [[name, *(f"{max(each):.0f}" for each in zip(*rows, strict=True))] for name, rows in taken.items()]
     slowest.sort(key=lambda row: -int(row[2]))

@@ -191,10 +191,8 @@ def _fir_head(p: Parameters, tail: float, facts: InputFacts) -> Head | None:
     scratch=2.1,
     knob=Knob("tail", (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), "weight cut off", 1e-9, MOST_TAIL, order=1, rising=False),
     error=base.fir_error,
-    least=base.fir_least,
     orderly=True,
     work=base.fir_work,
-    lightest=base.fir_lightest,
     rates={"opencl": Rate(5e-4, 2.2e-11), "numpy": Rate(2e-4, 7e-11)},
 )
 class Fir:

@@ -121,17 +121,13 @@ def fir_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
     (wide, magnitude), request = spread(p, facts), asked(p, facts)
     if request.turned is not None:
         return gaussian_turned.error(request.turned, tail, wide, magnitude)
-    rounding = 1.01 * (sum(_taps(request, tail)) + 4) * ROUNDING * magnitude
+    tall, across = _taps(request, tail)
+    rounding = 1.01 * (tall + across + 4) * ROUNDING * magnitude
     if request.renormalised:
         return renormalised_error(rounding, magnitude)
-    cut = sum(fir_radius(sigma, tail)[1] for sigma, _ in request.sides)
+    (down, _), (beside, _) = request.sides
+    cut = fir_radius(down, tail)[1] + fir_radius(beside, tail)[1]
     return Error(cut * wide + rounding, "bound", rounding)
-
-
-def fir_least(p: Parameters, tail: float, facts: InputFacts) -> float:
-    """Where it takes long to take a kernel apart."""
-    turned = asked(p, facts).turned
-    return 0.0 if turned is None else gaussian_turned.least_error(turned, tail, spread(p, facts)[0])
 
 
 def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
@@ -147,12 +143,6 @@ def fir_work(p: Parameters, tail: float, facts: InputFacts) -> float:
         return 2 * image.samples * (MOVED + tall + wide)
     folded = sum(size * size for sigma, size in request.sides if 2 * fir_radius(sigma, tail)[0] >= size)
     return _passed(image.height, image.width, image.channels, tall, wide, request.working) + FOLDED * folded
-
-
-def fir_lightest(p: Parameters, tail: float, facts: InputFacts) -> float:
-    """Where it takes long to take a kernel apart."""
-    turned = asked(p, facts).turned
-    return 0.0 if turned is None else gaussian_turned.least_work(turned, tail, facts["image"])
 
 
 @lru_cache(1024)

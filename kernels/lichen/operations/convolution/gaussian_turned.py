@@ -27,6 +27,8 @@ from lichen.operations.convolution.transform import Layout, correlated_by_transf
 
 MOVED = 60.0
 """Multiply-adds that take as long as moving a sample through two passes."""
+FEW = 260e3
+"""Samples by which two passes over an image take longer than in proportion: a small one keeps few work-items busy."""
 SPECTRAL, SINGLE = 1e-9, 24
 """Weight that is cut off where spectra are multiplied; bits of float32."""
 NARROWEST, WIDEST = 0.5, 50.0
@@ -120,35 +122,38 @@ def stencil(turned: Turned, tail: float) -> Stencil:
 
 
 def error(turned: Turned, tail: float, wide: float, magnitude: float) -> Error:
-    """The weight outside the cut kernel, and what its products leave of what is inside."""
-    terms, left = taken_apart(turned, tail)
-    rounding = lowrank.rounding(terms, magnitude, 0.0)
-    dropped = lowrank.dropped(left, -magnitude, magnitude)
-    return Error(cut(turned, tail)[1] * wide + dropped + rounding, "bound", rounding)
+    """Without the kernel, which it would take long to take apart: at most `tail` of its weight is cut off, and of what
+    remains its products leave at most `tail`."""
+    tall, across = sides(turned, tail)
+    steps = tall + across + min(tall, across) + 6
+    rounding = 1.01 * steps * ROUNDING * math.sqrt(tall * across) * _nuclear(turned) / (1 - tail) * magnitude
+    return Error(tail * (wide + magnitude) + rounding, "bound", rounding)
 
 
-def least_error(turned: Turned, tail: float, wide: float) -> float:
-    """At least, without the kernel: the weight outside it along either axis, by the integral from a pixel or two
-    further on."""
-    reach = NORMAL.inv_cdf(1 - tail / 4)
-    outside = [math.erfc((reach * each + 2) / (each * math.sqrt(2))) for each in turned.deviations]
-    return max(outside) * wide
+def sides(turned: Turned, tail: float) -> tuple[int, int]:
+    """Rows and columns of the cut kernel, at most: its sums along rows and columns are those of a Gaussian but for a
+    share of 2 e^(-2 pi^2 s^2) of them, s being the deviation along the other, which is no less than `NARROWEST`."""
+    reach = NORMAL.inv_cdf(1 - tail / (4 * 1.02))
+    tall, across = (2 * math.ceil(max(reach, 1.0) * each - 0.5) + 1 for each in turned.deviations)
+    return tall, across
+
+
+def _nuclear(turned: Turned) -> float:
+    """What the kernel's singular values sum to at most. But for its factors of x and of y alone it is e^(d x y), the
+    sum of (d x y)^k / k!: products, each of two l2 norms, which sum to no more than the root of both norms' squares
+    together, by Cauchy and Schwarz. Its own sum, which it is divided by, is at least the integral, by Poisson."""
+    down, beside = (each * math.sqrt(math.pi * (1 + turned.correlation)) + 1 for each in turned.deviations)
+    return math.sqrt(down * beside) / (2 * math.pi * turned.along * turned.across)
 
 
 def work(turned: Turned, tail: float, image: Facts) -> float:
-    """Multiply-adds, beside what it takes to move samples through two passes."""
-    return image.samples * len(taken_apart(turned, tail)[0]) * (sum(cut(turned, tail)[0].shape) + MOVED)
-
-
-def least_work(turned: Turned, tail: float, image: Facts) -> float:
-    """At least, without the kernel: of three in five of the products that Mehler's formula has, or of the shorter side,
-    which there are no more than."""
+    """Multiply-adds, beside what it takes to move samples through two passes: of about as many products as Mehler's
+    formula has."""
     r = turned.correlation
     share = max(r / (1 + math.sqrt(1 - r * r)), 1e-9)
-    wide = NORMAL.inv_cdf(1 - tail / 4)
-    sides = [2 * max(math.floor(wide * each) - 1, 0) + 1 for each in turned.deviations]
-    terms = max(math.floor(0.6 * min(math.log(tail) / math.log(share), *sides)), 1)
-    return image.samples * terms * (sum(sides) + MOVED)
+    tall, across = sides(turned, tail)
+    terms = min(math.floor(math.log(tail) / math.log(share)) + 1, tall, across)
+    return (image.samples + FEW) * terms * (tall + across + MOVED)
 
 
 def summed_opencl(device: Device, image: Image, turned: Turned, tail: float, border: Border, value: float) -> Array:
