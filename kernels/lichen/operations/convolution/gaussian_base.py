@@ -160,6 +160,8 @@ def _passed(height: int, width: int, channels: int, tall: int, wide: int, workin
     return busy * ((1.6 * wide + STAGED) * (height + bands * (tall - 1)) + 0.44 * tall * height)
 
 
+NEAR = 250e3
+"""Samples that a processor keeps near at hand."""
 MOVED, STAGED, FOLDED, KEPT = 122, 10, 700, 34
 """Multiply-adds that take as long as moving a sample through both passes, as reading it into a tile, as folding into
 one number of a matrix, or as writing a sample between passes and reading it again."""
@@ -263,7 +265,8 @@ def multirate_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     bands, steps = in_bands(image.height, image.width * image.channels, down)
     kept = bands * (steps + down.taps - 1) / image.height
     along = 1.6 * (2 * radius + 1)
-    return image.samples * (28.0 + kept * (down.rows + along + KEPT) + 0.3 * down.taps)
+    far = min(down.rows * image.width * image.channels / NEAR, 1.0)  # what is read again comes from further away
+    return image.samples * (28.0 + kept * ((1 + 0.8 * far) * down.rows + along + KEPT) + 0.3 * down.taps)
 
 
 def multirate_lightest(p: Parameters, tail: float, facts: InputFacts) -> float:
