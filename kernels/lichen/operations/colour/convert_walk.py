@@ -44,15 +44,15 @@ def models_of(p: Parameters, space: Space) -> tuple[Model, Model]:
 
 def steps_of(p: Parameters, space: Space, degree: int = 0) -> tuple[Step | Fitted, ...]:
     """The way; with a degree, its curves as polynomials where there are any."""
-    return _steps(*models_of(p, space), p.white, p.adaptation, degree)
+    asked = *models_of(p, space), p.white, p.adaptation
+    return _fitted_path(*asked, degree) if degree else path(*asked)
 
 
-@lru_cache(maxsize=1024)
-def _steps(
+@lru_cache(maxsize=256)
+def _fitted_path(
     source: Model, target: Model, white: White, adaptation: Adaptation, degree: int
 ) -> tuple[Step | Fitted, ...]:
-    steps = path(source, target, white, adaptation)
-    return fitted(steps, degree) if degree else steps
+    return fitted(path(source, target, white, adaptation), degree)
 
 
 # ------------------------------------------------------------------------------------------------ analysis of a path

@@ -111,7 +111,6 @@ VALID = dataclasses.replace(WHICH, name="valid")
 def slopes(p: Parameters) -> tuple[Stencil, ...]:
     """The masks that the output needs, scaled."""
     x, y = masks(p.mask, p.sigma)
-    scale = 1.0 if p.output is Output.DIRECTION else p.scale
     if p.output is Output.X:
         made = [x.taps]
     elif p.output is Output.Y:
@@ -122,13 +121,17 @@ def slopes(p: Parameters) -> tuple[Stencil, ...]:
         made = [np.where(np.abs(mixed) < 1e-15, 0.0, mixed)]
     else:
         made = [x.taps, y.taps]
-    return tuple(Stencil(scale * taps, x.top, x.left) for taps in made)
+    return tuple(Stencil(_scale(p) * taps, x.top, x.left) for taps in made)
+
+
+def _scale(p: Parameters) -> float:
+    """A direction has none."""
+    return 1.0 if p.output is Output.DIRECTION else p.scale
 
 
 def fitted_slopes(p: Parameters) -> tuple[Array, ...]:
     """The fits that the output needs, scaled, each (512, 9)."""
-    scale = 1.0 if p.output is Output.DIRECTION else p.scale
-    return tuple(scale * each for each in _fits(p.mask, p.output, p.angle))
+    return tuple(_scale(p) * each for each in _fits(p.mask, p.output, p.angle))
 
 
 def _fits(mask: Mask, output: Output, degrees: float) -> tuple[Array, ...]:
@@ -158,8 +161,7 @@ def _named(inputs: Mapping[str, Given]) -> dict[str, Given]:
 def _gains(p: Parameters, facts: InputFacts) -> list[float]:
     """The largest l1 norm of the taps of each slope."""
     if chooses(p.missing, _named(facts)):
-        scale = 1.0 if p.output is Output.DIRECTION else abs(p.scale)
-        return [scale * gain for gain in _fitted_gains(p.mask, p.output, p.angle)]
+        return [abs(_scale(p)) * gain for gain in _fitted_gains(p.mask, p.output, p.angle)]
     return [mask.weight for mask in slopes(p)]
 
 

@@ -160,8 +160,6 @@ def _passed(height: int, width: int, channels: int, tall: int, wide: int, workin
     return busy * ((1.6 * wide + STAGED) * (height + bands * (tall - 1)) + 0.44 * tall * height)
 
 
-NEAR = 250e3
-"""Samples that a processor keeps near at hand."""
 MOVED, STAGED, FOLDED, KEPT = 122, 10, 700, 34
 """Multiply-adds that take as long as moving a sample through both passes, as reading it into a tile, as folding into
 one number of a matrix, or as writing a sample between passes and reading it again."""
@@ -258,6 +256,10 @@ def multirate_error(p: Parameters, tail: float, facts: InputFacts) -> Error:
     return Error((down.distance + cut) * wide + rounding, "bound", rounding)
 
 
+NEAR = 250e3
+"""Samples that a processor keeps near at hand: of more, what is read again takes 1.8 times as long."""
+
+
 def multirate_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     """Multiply-adds, of the rows that are left of them; beside what it takes to read the image and to write it, and to
     keep a row from either pass to the next."""
@@ -265,7 +267,7 @@ def multirate_work(p: Parameters, tail: float, facts: InputFacts) -> float:
     bands, steps = in_bands(image.height, image.width * image.channels, down)
     kept = bands * (steps + down.taps - 1) / image.height
     along = 1.6 * (2 * radius + 1)
-    far = min(down.rows * image.width * image.channels / NEAR, 1.0)  # what is read again comes from further away
+    far = min(down.rows * image.width * image.channels / NEAR, 1.0)
     return image.samples * (28.0 + kept * ((1 + 0.8 * far) * down.rows + along + KEPT) + 0.3 * down.taps)
 
 

@@ -125,8 +125,8 @@ def error(turned: Turned, tail: float, wide: float, magnitude: float) -> Error:
     """Without the kernel, which it would take long to take apart: at most `tail` of its weight is cut off, and of what
     remains its products leave at most `tail`."""
     tall, across = sides(turned, tail)
-    steps = tall + across + min(tall, across) + 6
-    rounding = 1.01 * steps * ROUNDING * math.sqrt(tall * across) * _nuclear(turned) / (1 - tail) * magnitude
+    weight = math.sqrt(tall * across) * _nuclear(turned) / (1 - tail)
+    rounding = lowrank.rounding_of(tall + across, min(tall, across), weight * magnitude)
     return Error(tail * (wide + magnitude) + rounding, "bound", rounding)
 
 

@@ -58,4 +58,9 @@ def rounding(terms: Terms, magnitude: float, bias: float) -> float:
         )
         weight = float(np.abs(downs).sum(axis=0) @ np.abs(acrosses).sum(axis=1))
     longest = max((len(down) + across.shape[1] for down, across in terms), default=2)
-    return 1.01 * (longest + len(terms) + 6) * ROUNDING * (weight * magnitude + abs(bias))
+    return rounding_of(longest, len(terms), weight * magnitude + abs(bias))
+
+
+def rounding_of(taps: int, terms: int, size: float) -> float:
+    """Of so many terms, each of so many taps down and across, where what they add has no larger magnitudes in all."""
+    return 1.01 * (taps + terms + 6) * ROUNDING * size

@@ -126,8 +126,7 @@ def tabled(lens: Lens, entries: int) -> tuple[float, float]:
     """The largest error at 16 places between two entries, and a tenth more for what lies between those; and the largest
     step between two entries. Of a long table, it is looked for where the entries bend most, and where the gain comes to
     its limit: elsewhere it bends steadily."""
-    step, numbers = lens.farthest / (entries - 1), np.arange(entries)
-    made, cells = lens.gain(numbers * step), numbers[:-1]
+    step, made, cells = lens.farthest / (entries - 1), lens.table(entries), np.arange(entries - 1)
     steps = made[1:] - made[:-1]
     if entries > 2 * WORST:
         most = np.abs(steps[1:] - steps[:-1]).argpartition(-WORST)[-WORST:]

@@ -110,10 +110,6 @@ def _by_formulas(p: Parameters, facts: InputFacts) -> Error:
     return errors.exact(_whole(p, facts), p.material(), _texels(p, facts))
 
 
-def _exact_error(p: Parameters, knob: float, facts: InputFacts) -> Error:
-    return _by_formulas(p, facts)
-
-
 def _and_left_out(
     error: Callable[[Parameters, float, InputFacts], Error],
 ) -> Callable[[Parameters, float, InputFacts], Error]:
@@ -364,7 +360,7 @@ class Coarse:
         return on_numpy(inputs, p, p.material()) if apart == 1 else coarse.numpy_body(inputs, p, apart)
 
 
-@lighting.method("exact", error=_and_left_out(_exact_error), work=_work, rates=RATES)
+@lighting.method("exact", error=_and_left_out(lambda p, knob, facts: _by_formulas(p, facts)), work=_work, rates=RATES)
 class Exact:
     """The formulas in float32, sixteen pixels at a time, lamp by lamp."""
 
